@@ -1,0 +1,49 @@
+//! Sparse voxel grids: bricks of 8 x 8 x 8 samples, the shape of OpenVDB's leaves.
+
+use glam::{DAffine3, DVec3};
+
+/// Samples along one side of a brick.
+pub const BRICK_SIDE: i32 = 8;
+/// Samples in a brick.
+pub const BRICK_VOXELS: usize = 512;
+
+/// A sparse grid of scalar samples, voxel-centred: index (i, j, k) is the sample at `world_from_index * (i, j, k)`.
+/// Space outside the bricks is zero.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BrickGrid {
+    /// From index space (whole numbers are sample positions) to the world.
+    pub world_from_index: DAffine3,
+    /// The smallest index of each brick, multiples of 8, sorted (x, then y, then z), each once.
+    pub origins: Vec<[i32; 3]>,
+    /// 512 samples a brick in the order of `origins`; within a brick z runs fastest: `x * 64 + y * 8 + z`.
+    pub values: Vec<f32>,
+}
+
+impl BrickGrid {
+    /// The samples of brick `i`, z fastest.
+    pub fn brick(&self, i: usize) -> &[f32] {
+        &self.values[i * BRICK_VOXELS..(i + 1) * BRICK_VOXELS]
+    }
+
+    /// The volume of one voxel in m^3.
+    pub fn voxel_volume(&self) -> f64 {
+        self.world_from_index.matrix3.determinant().abs()
+    }
+
+    /// The integral of the grid over space (its value times m^3), summed in f64.
+    pub fn integral(&self) -> f64 {
+        self.values.iter().map(|&v| f64::from(v)).sum::<f64>() * self.voxel_volume()
+    }
+
+    /// The number of samples that are not zero.
+    pub fn active_voxels(&self) -> u64 {
+        self.values.iter().filter(|&&v| v != 0.0).count() as u64
+    }
+
+    /// The world position of sample `voxel` of brick `brick`.
+    pub fn position(&self, brick: usize, voxel: usize) -> DVec3 {
+        let local = [voxel >> 6, (voxel >> 3) & 7, voxel & 7];
+        let index = std::array::from_fn::<f64, 3, _>(|a| f64::from(self.origins[brick][a]) + local[a] as f64);
+        self.world_from_index.transform_point3(DVec3::from_array(index))
+    }
+}

@@ -1,0 +1,48 @@
+//! What is in the scene: regions of participating media, Lambertian surfaces, the sun, a camera.
+//!
+//! Everything here is a description in world space: right-handed, Z up, metres, `f64`. The hot loops work on
+//! [`Media`](crate::scene) and [`SurfaceSet`](surface::SurfaceSet), compiled from it, recentred and in `f32`.
+
+pub mod camera;
+pub mod density;
+pub mod light;
+pub mod medium;
+pub mod mesh;
+pub mod phase;
+pub mod region;
+pub mod surface;
+
+pub use camera::Camera;
+pub use density::BrickGrid;
+pub use light::Sun;
+pub use medium::Medium;
+pub use mesh::Mesh;
+pub use region::{Region, Shape};
+pub use surface::Surface;
+
+use crate::geom::Bounds;
+
+/// A whole scene in world space (Z up, metres).
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
+    /// The regions of participating media. Where they overlap, extinction adds.
+    pub regions: Vec<Region>,
+    /// The Lambertian surfaces.
+    pub surfaces: Vec<Surface>,
+    /// The only light of the thesis.
+    pub sun: Sun,
+    /// The camera, where the file has one.
+    pub camera: Option<Camera>,
+}
+
+impl Scene {
+    /// The bounds of all regions; empty without one.
+    pub fn region_bounds(&self) -> Bounds {
+        self.regions.iter().fold(Bounds::EMPTY, |all, region| all.union(region.shape.bounds()))
+    }
+
+    /// The optical mass of all regions, the integral of sigma_t over space, in m^2.
+    pub fn optical_mass(&self) -> f64 {
+        self.regions.iter().map(Region::optical_mass).sum()
+    }
+}

@@ -1,0 +1,1 @@
+//! Phase functions: value and sampling, stable at every g.
