@@ -1,8 +1,14 @@
 //! cloudvdb: photon-cloud regions from a layout, written as OpenVDB grids.
 #![deny(unsafe_code)]
+#![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod bvh;
 pub mod error;
 pub mod geom;
+pub mod media;
+pub mod rng;
+pub mod sampling;
 pub mod scene;
+pub mod trimesh;
 
 pub use error::{Error, Result};

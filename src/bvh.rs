@@ -1,0 +1,121 @@
+//! A bounding volume hierarchy over boxes: what a ray may touch.
+
+use glam::Vec3;
+use smallvec::SmallVec;
+
+/// A box in single precision.
+#[derive(Debug, Clone, Copy)]
+pub struct Box3 {
+    /// Smallest corner.
+    pub min: Vec3,
+    /// Largest corner.
+    pub max: Vec3,
+}
+
+impl Box3 {
+    /// The box of a world-space box relative to `origin`, widened so that rounding to `f32` loses nothing.
+    pub fn around(bounds: crate::geom::Bounds, origin: glam::DVec3) -> Self {
+        let (min, max) = ((bounds.min - origin).as_vec3(), (bounds.max - origin).as_vec3());
+        let pad = min.abs().max(max.abs()) * 4.0 * f32::EPSILON + f32::MIN_POSITIVE;
+        Box3 { min: min - pad, max: max + pad }
+    }
+
+    fn union(self, o: Box3) -> Box3 {
+        Box3 { min: self.min.min(o.min), max: self.max.max(o.max) }
+    }
+
+    /// Whether the ray (by its origin and the reciprocal of its direction) meets the box within [0, t_max].
+    #[inline]
+    fn hit(&self, origin: Vec3, inv: Vec3, t_max: f32) -> bool {
+        // 0 * inf is NaN where the origin lies on a slab's plane: `f32::min`/`max` drop it, which keeps the box.
+        let (a, b) = ((self.min - origin) * inv, (self.max - origin) * inv);
+        let enter = a.x.min(b.x).max(a.y.min(b.y)).max(a.z.min(b.z)).max(0.0);
+        let exit = a.x.max(b.x).min(a.y.max(b.y)).min(a.z.max(b.z)).min(t_max);
+        // Robust bound (Ize 2013): the exit distance may be two roundings short.
+        enter <= exit * (1.0 + 4.0 * f32::EPSILON)
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    bounds: Box3,
+    /// An inner node's second child (its first is the next node); a leaf's first item.
+    index: u32,
+    /// Items of a leaf; 0 for inner nodes.
+    count: u32,
+}
+
+/// The hierarchy. Balanced by construction: depth is at most log2 of the number of items.
+#[derive(Debug, Clone, Default)]
+pub struct Bvh {
+    nodes: Vec<Node>,
+    items: Vec<u32>,
+}
+
+const LEAF: usize = 2;
+
+impl Bvh {
+    /// Builds the hierarchy over the items that have a box, by median splits along the longest axis of the centres.
+    pub fn new(boxes: &[Option<Box3>]) -> Self {
+        let items: Vec<u32> = (0..boxes.len() as u32).filter(|&i| boxes[i as usize].is_some()).collect();
+        let nowhere = Box3 { min: Vec3::ZERO, max: Vec3::ZERO };
+        let boxes: Vec<Box3> = boxes.iter().map(|b| b.unwrap_or(nowhere)).collect();
+        let mut bvh = Bvh { nodes: Vec::with_capacity(items.len()), items };
+        if !bvh.items.is_empty() {
+            bvh.build(&boxes, 0, bvh.items.len());
+        }
+        bvh
+    }
+
+    fn build(&mut self, boxes: &[Box3], from: usize, to: usize) {
+        let all = |f: fn(Vec3, Vec3) -> Vec3, start: Vec3, of: fn(&Box3) -> Vec3, items: &[u32]| {
+            items.iter().fold(start, |a, &i| f(a, of(&boxes[i as usize])))
+        };
+        let items = &self.items[from..to];
+        let bounds = items.iter().map(|&i| boxes[i as usize]).reduce(Box3::union).unwrap_or(Box3 { min: Vec3::ZERO, max: Vec3::ZERO });
+        let node = self.nodes.len();
+        self.nodes.push(Node { bounds, index: from as u32, count: (to - from) as u32 });
+        if to - from <= LEAF {
+            return;
+        }
+        let centre = |b: &Box3| b.min * 0.5 + b.max * 0.5;
+        let extent = all(Vec3::max, Vec3::NEG_INFINITY, centre, items) - all(Vec3::min, Vec3::INFINITY, centre, items);
+        let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) };
+        let middle = (to - from) / 2;
+        self.items[from..to].select_nth_unstable_by(middle, |&a, &b| {
+            centre(&boxes[a as usize])[axis].total_cmp(&centre(&boxes[b as usize])[axis]).then(a.cmp(&b))
+        });
+        self.build(boxes, from, from + middle);
+        self.nodes[node].index = self.nodes.len() as u32;
+        self.nodes[node].count = 0;
+        self.build(boxes, from + middle, to);
+    }
+
+    /// Calls `visit(item, t_max)` for every item whose box the ray may meet within [0, t_max]. `visit` may shrink `t_max`.
+    #[inline]
+    pub fn traverse(&self, origin: Vec3, direction: Vec3, mut t_max: f32, mut visit: impl FnMut(u32, &mut f32)) {
+        if self.nodes.is_empty() {
+            return;
+        }
+        let inv = direction.recip();
+        let mut stack: SmallVec<[u32; 64]> = SmallVec::new();
+        let mut current = 0u32;
+        loop {
+            let node = &self.nodes[current as usize];
+            if node.bounds.hit(origin, inv, t_max) {
+                if node.count == 0 {
+                    stack.push(node.index);
+                    current += 1;
+                    continue;
+                }
+                for &item in &self.items[node.index as usize..(node.index + node.count) as usize] {
+                    visit(item, &mut t_max);
+                }
+            }
+            match stack.pop() {
+                Some(next) => current = next,
+                None => return,
+            }
+        }
+    }
+}

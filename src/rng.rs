@@ -1,0 +1,46 @@
+//! Random numbers: MT19937-64 streams, one for each (seed, stage, item).
+//!
+//! The thesis asks for the Mersenne Twister (3.3). An *item* is a fixed batch of photons or candidates, never a
+//! thread: the same seed gives the same bytes on any number of threads.
+
+use rand_mt::Mt64;
+
+/// What a stream is for; part of its key, so that stages never share numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Pass 1: emission and tracing of photons.
+    Photons = 1,
+    /// The duality: candidates for regions.
+    Regions = 2,
+}
+
+/// A stream of uniform random numbers.
+#[derive(Debug, Clone)]
+pub struct Rng(Mt64);
+
+impl Rng {
+    /// The stream of one item of one stage.
+    pub fn new(seed: u64, stage: Stage, item: u64) -> Self {
+        Rng(Mt64::new_with_key([seed, stage as u64, item]))
+    }
+
+    /// A uniform number in [0, 1) with 53 random bits.
+    #[inline]
+    pub fn uniform(&mut self) -> f64 {
+        (self.0.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+    }
+
+    /// A uniform number in [0, 1) in single precision (24 random bits).
+    #[inline]
+    pub fn uniform_f32(&mut self) -> f32 {
+        (self.0.next_u64() >> 40) as f32 * (1.0 / (1u64 << 24) as f32)
+    }
+
+    /// An optical depth from the exponential distribution, -ln(1 - xi): eq. 17 without its ln 0.
+    ///
+    /// 1 - xi is exact for 53-bit xi, so this equals `-ln_1p(-xi)` at a third of its cost.
+    #[inline]
+    pub fn optical_depth(&mut self) -> f64 {
+        -(1.0 - self.uniform()).ln()
+    }
+}
