@@ -20,6 +20,11 @@ impl Box3 {
         Box3 { min: min - pad, max: max + pad }
     }
 
+    /// Whether two boxes share a point.
+    pub fn meets(&self, o: &Box3) -> bool {
+        self.min.cmple(o.max).all() && o.min.cmple(self.max).all()
+    }
+
     fn union(self, o: Box3) -> Box3 {
         Box3 { min: self.min.min(o.min), max: self.max.max(o.max) }
     }
@@ -115,6 +120,23 @@ impl Bvh {
             match stack.pop() {
                 Some(next) => current = next,
                 None => return,
+            }
+        }
+    }
+
+    /// Calls `visit` for every item of the leaves that a box meets, until it answers `true`.
+    pub fn overlapping(&self, query: &Box3, mut visit: impl FnMut(u32) -> bool) {
+        let mut stack: SmallVec<[u32; 64]> = SmallVec::new();
+        stack.extend((!self.nodes.is_empty()).then_some(0));
+        while let Some(current) = stack.pop() {
+            let node = &self.nodes[current as usize];
+            if !node.bounds.meets(query) {
+                continue;
+            }
+            if node.count == 0 {
+                stack.extend([current + 1, node.index]);
+            } else if self.items[node.index as usize..(node.index + node.count) as usize].iter().any(|&i| visit(i)) {
+                return;
             }
         }
     }

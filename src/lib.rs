@@ -6,9 +6,14 @@ pub mod bvh;
 pub mod error;
 pub mod geom;
 pub mod media;
+pub mod photon;
+pub mod plan;
+pub mod progress;
+pub mod regions;
 pub mod rng;
 pub mod sampling;
 pub mod scene;
+pub mod stats;
 pub mod trimesh;
 
 pub use error::{Error, Result};

@@ -96,6 +96,15 @@ impl TriMesh {
             }
         }
     }
+
+    /// Whether a point is inside the closed mesh (winding number not zero).
+    pub fn holds(&self, p: Vec3) -> bool {
+        let mut inside = false;
+        // Any direction does; one that no modeller aligns anything with avoids ties.
+        let direction = Vec3::new(0.267_261, 0.534_522, 0.801_784);
+        self.inside(&Ray { origin: p, direction }, &mut Vec::new(), |enter, _| inside |= enter < 0.0);
+        inside
+    }
 }
 
 /// A ray prepared for watertight triangle tests (Woop, Benthin, Wald 2013), in f64.

@@ -24,7 +24,7 @@ pub fn sample_henyey_greenstein(g: f64, xi: f64) -> (f64, f64) {
     let d = 1.0 - a + 2.0 * a * xi;
     let inv = 1.0 / (d * d);
     let minus = 2.0 * (1.0 - a) * (1.0 - a) * (1.0 - xi) * (1.0 + a * xi) * inv;
-    let plus = 2.0 * (1.0 + a) * (1.0 + a) * xi * (1.0 - a * (1.0 - xi)) * inv;
+    let plus = 2.0 * (1.0 + a) * (1.0 + a) * xi * (1.0 - a + a * xi) * inv;
     let cos = if minus < plus { 1.0 - minus } else { plus - 1.0 };
     (if g < 0.0 { -cos } else { cos }, (minus * plus).max(0.0).sqrt())
 }

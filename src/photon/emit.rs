@@ -1,0 +1,230 @@
+//! Emission: where photons start, aimed at what they can hit.
+//!
+//! On a plane perpendicular to the sunlight, the silhouette of all regions is drawn as a mask; photons start
+//! uniformly over its cells, so that almost none misses. Light that reaches a region only by way of a surface starts
+//! outside the mask, more densely near the regions. Together the two strata cover every path that matters exactly once.
+
+use crate::geom::{Bounds, Ray, basis};
+use crate::rng::Rng;
+use crate::sampling::uniform_disc;
+use crate::scene::{Scene, Shape, Sun};
+use crate::trimesh::TriMesh;
+use glam::{DVec3, Vec2, Vec3};
+
+/// Cells of the silhouette's mask along its longer side.
+const MASK_CELLS: f32 = 512.0;
+
+/// Starts photons.
+#[derive(Debug, Clone)]
+pub struct Emitter {
+    axis: Vec3,
+    sin_alpha: f32,
+    irradiance: f64,
+    pub(super) target: Target,
+}
+
+#[derive(Debug, Clone)]
+pub(super) enum Target {
+    /// A rectangle in x and y at height `top`, under which slabs lie.
+    Tile {
+        min: Vec2,
+        size: Vec2,
+        top: f32,
+    },
+    Silhouette(Silhouette),
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Silhouette {
+    /// The plane's axes; it goes through the scene's origin.
+    u: Vec3,
+    v: Vec3,
+    corner: Vec2,
+    cell: f32,
+    width: usize,
+    mask: Vec<bool>,
+    cells: Vec<u32>,
+    /// How far upstream of the plane photons start, beyond every region.
+    upstream: f32,
+    /// How far upstream lies everything, surfaces included.
+    far: f32,
+    /// Photons that start outside the silhouette to bounce off surfaces.
+    skirt: Option<Skirt>,
+}
+
+/// Density 1 / (2 pi r^2) (1 + rho^2/r^2)^(-3/2) around the centre: the light that a point at distance rho on level
+/// ground can send to the regions falls like rho^-3.
+#[derive(Debug, Clone)]
+struct Skirt {
+    centre: Vec2,
+    radius: f32,
+    probability: f64,
+    min: Vec2,
+    max: Vec2,
+}
+
+/// A photon on its way.
+#[derive(Debug, Clone, Copy)]
+pub struct Start {
+    /// Where it starts and where it goes.
+    pub ray: Ray,
+    /// Its weight in W: to be divided by the number of photons emitted. Zero where the stratum does not reach.
+    pub power: f64,
+}
+
+impl Emitter {
+    /// An emitter for the scene's sun, its regions and, where light bounces, its surfaces; relative to `origin`.
+    pub fn new(scene: &Scene, origin: DVec3, sun_disc: bool, bounces: bool) -> Self {
+        let Sun { direction, angular_diameter, .. } = scene.sun;
+        let sin_alpha = if sun_disc { (angular_diameter * 0.5).sin() as f32 } else { 0.0 };
+        let axis = direction.as_vec3().normalize();
+        let slabs = scene.regions.iter().any(|r| matches!(r.shape, Shape::Slab { .. }));
+        let target =
+            if slabs { tile(scene, origin, axis) } else { Target::Silhouette(silhouette(scene, origin, axis, sin_alpha, bounces)) };
+        Emitter { axis, sin_alpha, irradiance: scene.sun.grey_irradiance(), target }
+    }
+
+    /// Starts one photon. `surfaces` are looked at upstream, so that what shades the regions from afar does.
+    pub fn emit(&self, rng: &mut Rng, surfaces: &TriMesh) -> Start {
+        let direction =
+            if self.sin_alpha > 0.0 { uniform_disc(self.axis, self.sin_alpha, rng.uniform_f32(), rng.uniform_f32()) } else { self.axis };
+        match &self.target {
+            Target::Tile { min, size, top } => {
+                let p = *min + *size * Vec2::new(rng.uniform_f32(), rng.uniform_f32());
+                let power = self.irradiance * f64::from(size.x) * f64::from(size.y) * f64::from(-direction.z).max(0.0);
+                Start { ray: Ray { origin: p.extend(*top), direction }, power }
+            }
+            Target::Silhouette(s) => s.emit(rng, direction, self.irradiance, surfaces),
+        }
+    }
+}
+
+impl Silhouette {
+    fn emit(&self, rng: &mut Rng, direction: Vec3, irradiance: f64, surfaces: &TriMesh) -> Start {
+        let aside = self.skirt.as_ref().filter(|s| rng.uniform() < s.probability);
+        let (p, upstream, area) = match aside {
+            None => {
+                let cell = self.cells[((rng.uniform() * self.cells.len() as f64) as usize).min(self.cells.len() - 1)];
+                let corner = Vec2::new((cell as usize % self.width) as f32, (cell as usize / self.width) as f32);
+                let area = self.cells.len() as f64 * f64::from(self.cell) * f64::from(self.cell);
+                let p = self.corner + (corner + Vec2::new(rng.uniform_f32(), rng.uniform_f32())) * self.cell;
+                (p, self.upstream, area / (1.0 - self.skirt.as_ref().map_or(0.0, |s| s.probability)))
+            }
+            Some(skirt) => {
+                let (p, pdf) = skirt.sample(rng);
+                let outside = p.cmplt(skirt.min).any() || p.cmpgt(skirt.max).any() || self.covers(p);
+                (p, self.far, if outside { 0.0 } else { 1.0 / (skirt.probability * pdf) })
+            }
+        };
+        let plane = self.u * p.x + self.v * p.y;
+        let mut origin = plane - direction * upstream;
+        if aside.is_none() && surfaces.nearest(&Ray { origin, direction: -direction }, f32::INFINITY).is_some() {
+            origin = plane - direction * self.far;
+        }
+        Start { ray: Ray { origin, direction }, power: irradiance * area }
+    }
+
+    /// Whether the mask holds the point of the plane.
+    fn covers(&self, p: Vec2) -> bool {
+        let c = (p - self.corner) / self.cell;
+        let (x, y) = (c.x.floor(), c.y.floor());
+        let height = self.mask.len() / self.width;
+        x >= 0.0 && y >= 0.0 && x < self.width as f32 && y < height as f32 && self.mask[y as usize * self.width + x as usize]
+    }
+}
+
+impl Skirt {
+    fn sample(&self, rng: &mut Rng) -> (Vec2, f64) {
+        let c = 1.0 / (1.0 - rng.uniform());
+        let rho = f64::from(self.radius) * (c * c - 1.0).max(0.0).sqrt();
+        let (sin, cos) = (std::f64::consts::TAU * rng.uniform()).sin_cos();
+        let r2 = f64::from(self.radius).powi(2);
+        let pdf = (1.0 + rho * rho / r2).powf(-1.5) / (std::f64::consts::TAU * r2);
+        (self.centre + Vec2::new((rho * cos) as f32, (rho * sin) as f32), pdf)
+    }
+}
+
+/// Slabs go on for ever: light is started over their tile. Beside other regions the tile is widened by three times the
+/// height and the shear of the light, from which nearly all light can still come.
+fn tile(scene: &Scene, origin: DVec3, axis: Vec3) -> Target {
+    let bounds = scene.region_bounds();
+    let alone = scene.regions.iter().all(|r| matches!(r.shape, Shape::Slab { .. }));
+    let height = bounds.size().z;
+    let slope = (DVec3::new(axis.x.into(), axis.y.into(), 0.0) / f64::from(axis.z).min(-1e-3)).abs();
+    let margin = if alone { DVec3::ZERO } else { (DVec3::splat(3.0) + slope) * height };
+    let (min, max) = ((bounds.min - margin - origin).as_vec3(), (bounds.max + margin - origin).as_vec3());
+    let top = max.z.max((bounds.max.z - origin.z) as f32);
+    Target::Tile { min: min.truncate(), size: (max - min).truncate(), top: top + top.abs() * 1e-6 }
+}
+
+fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces: bool) -> Silhouette {
+    let (u, v) = basis(axis);
+    let bounds = scene.region_bounds();
+    let everything = scene.surfaces.iter().fold(bounds, |b, s| b.union(s.mesh.bounds()));
+    let reach = |b: Bounds| ((b.min - origin).abs().max((b.max - origin).abs())).length() as f32 * 1.001 + f32::MIN_POSITIVE;
+    let upstream = reach(bounds);
+    // The sun's disc spreads by the distance between a region and the plane.
+    let spread = sin_alpha * upstream * 1.01;
+    let discs: Vec<(Vec2, Vec2, bool)> = scene.regions.iter().map(|r| projected(&r.shape, origin, u, v, spread)).collect();
+    let corner = discs.iter().fold(Vec2::INFINITY, |m, d| m.min(d.0 - d.1));
+    let far_corner = discs.iter().fold(Vec2::NEG_INFINITY, |m, d| m.max(d.0 + d.1));
+    let cell = ((far_corner - corner).max_element() / MASK_CELLS).max(f32::MIN_POSITIVE);
+    let width = ((far_corner.x - corner.x) / cell) as usize + 1;
+    let height = ((far_corner.y - corner.y) / cell) as usize + 1;
+    let mut mask = vec![false; width * height];
+    for (centre, half, round) in discs {
+        let (c, h) = ((centre - corner) / cell, half / cell);
+        for y in ((c.y - h.y).floor().max(0.0) as usize)..(((c.y + h.y).floor() as usize + 1).min(height)) {
+            // The widest the disc gets within this row of cells.
+            let dy = if (y as f32) > c.y { y as f32 - c.y } else { (c.y - (y + 1) as f32).max(0.0) } / h.y;
+            let w = if round { h.x * (1.0 - dy * dy).max(0.0).sqrt() } else { h.x };
+            let from = (c.x - w).floor().max(0.0) as usize;
+            let to = ((c.x + w).floor() as usize + 1).min(width);
+            mask[y * width + from.min(to)..y * width + to].fill(true);
+        }
+    }
+    let cells: Vec<u32> = (0..mask.len() as u32).filter(|&i| mask[i as usize]).collect();
+    let far = reach(everything);
+    let skirt = (bounces && !scene.surfaces.is_empty()).then(|| {
+        let (centre, radius) = ((corner + far_corner) * 0.5, (far_corner - corner).length() * 0.5);
+        let corners = (0..8).map(|i| {
+            let pick =
+                |axis: usize| if i >> axis & 1 == 0 { everything.min[axis] - origin[axis] } else { everything.max[axis] - origin[axis] };
+            let p = Vec3::new(pick(0) as f32, pick(1) as f32, pick(2) as f32);
+            Vec2::new(p.dot(u), p.dot(v))
+        });
+        let (min, max) = corners.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+        let grow = Vec2::splat(sin_alpha * far);
+        // As dense beside the silhouette as over it.
+        let (inner, area) = (std::f32::consts::TAU * radius * radius, cells.len() as f32 * cell * cell);
+        Skirt { centre, radius, probability: f64::from(inner / (inner + area)), min: min - grow, max: max + grow }
+    });
+    Silhouette { u, v, corner, cell, width, mask, cells, upstream, far, skirt }
+}
+
+/// A shape's shadow on the plane: centre, half extents, and whether it is an ellipse along the axes of the plane (else a rectangle).
+fn projected(shape: &Shape, origin: DVec3, u: Vec3, v: Vec3, spread: f32) -> (Vec2, Vec2, bool) {
+    let bounds = shape.bounds();
+    let c = (bounds.centre() - origin).as_vec3();
+    let centre = Vec2::new(c.dot(u), c.dot(v));
+    // Rounding to f32 must not clip the rim.
+    let grow = |half: Vec2| half * 1.0001 + spread + c.length() * 4.0 * f32::EPSILON;
+    match shape {
+        Shape::Ellipsoid { world_from_unit } => {
+            let m = world_from_unit.matrix3.transpose();
+            let half = Vec2::new((m * u.as_dvec3()).length() as f32, (m * v.as_dvec3()).length() as f32);
+            let round = (half.x - half.y).abs() <= 1e-5 * half.x && is_round(world_from_unit.matrix3);
+            (centre, grow(half), round)
+        }
+        _ => {
+            let h = (bounds.size() * 0.5).as_vec3();
+            (centre, grow(Vec2::new(h.dot(u.abs()), h.dot(v.abs()))), false)
+        }
+    }
+}
+
+fn is_round(m: glam::DMat3) -> bool {
+    let gram = m.transpose() * m;
+    let r2 = gram.x_axis.x;
+    (gram - glam::DMat3::from_diagonal(DVec3::splat(r2))).to_cols_array().iter().all(|e| e.abs() <= 1e-5 * r2)
+}

@@ -1,0 +1,96 @@
+//! The photon map: stored photons by region, and trees over them. The only place that names kiddo.
+
+use super::Photon;
+use glam::{DVec3, Vec3};
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+
+/// The stored photons, sorted by region once it is finished.
+#[derive(Debug, Clone)]
+pub struct PhotonMap {
+    /// World position of the map's origin; photons are relative to it.
+    pub origin: DVec3,
+    photons: Vec<Photon>,
+    /// The first photon of each region, and their total.
+    starts: Vec<usize>,
+}
+
+impl PhotonMap {
+    /// An empty map with room for `capacity` photons.
+    pub fn new(origin: DVec3, capacity: u64) -> Self {
+        // Room for what is likely, not for what was asked: a thin scene may never fill it.
+        PhotonMap { origin, photons: Vec::with_capacity(capacity.min(1 << 26) as usize), starts: vec![0] }
+    }
+
+    /// Adds photons. Those that are not finite are dropped (no tree can hold them).
+    pub fn extend(&mut self, photons: &[Photon]) {
+        self.photons.extend(photons.iter().filter(|p| p.position.iter().all(|x| x.is_finite())));
+    }
+
+    /// How many photons are stored.
+    pub fn len(&self) -> u64 {
+        self.photons.len() as u64
+    }
+
+    /// Whether none is.
+    pub fn is_empty(&self) -> bool {
+        self.photons.is_empty()
+    }
+
+    /// Scales every power (to W per stored photon) and sorts the photons by region, in place and in one order only.
+    pub fn finish(&mut self, scale: f64) {
+        let regions = self.photons.iter().map(|p| p.region as usize + 1).max().unwrap_or(0);
+        let mut starts = vec![0usize; regions + 1];
+        for photon in &mut self.photons {
+            photon.power = (f64::from(photon.power) * scale) as f32;
+            starts[photon.region as usize + 1] += 1;
+        }
+        for i in 1..starts.len() {
+            starts[i] += starts[i - 1];
+        }
+        // American flag sort: every swap puts one photon into its region's stretch.
+        let mut next = starts.clone();
+        for region in 0..regions {
+            while next[region] < starts[region + 1] {
+                let home = self.photons[next[region]].region as usize;
+                if home == region {
+                    next[region] += 1;
+                } else {
+                    self.photons.swap(next[region], next[home]);
+                    next[home] += 1;
+                }
+            }
+        }
+        self.starts = starts;
+    }
+
+    /// All photons, by region.
+    pub fn photons(&self) -> &[Photon] {
+        &self.photons
+    }
+
+    /// The photons that collided in a region.
+    pub fn of_region(&self, region: usize) -> &[Photon] {
+        match (self.starts.get(region), self.starts.get(region + 1)) {
+            (Some(&from), Some(&to)) => &self.photons[from..to],
+            _ => &[],
+        }
+    }
+}
+
+/// A k-d tree over the positions of some photons.
+pub struct PhotonTree(ImmutableKdTree<f32, 3>);
+
+impl PhotonTree {
+    /// Builds the tree. `None` where kiddo cannot (more points than it can number).
+    pub fn new(photons: &[Photon]) -> Option<Self> {
+        ImmutableKdTree::new_from_source(photons, |p: &Photon, axis| p.position[axis], |i, _| i as u32).ok().map(PhotonTree)
+    }
+
+    /// The number of photons within `radius` of `centre` (both relative to the map's origin); counting stops being exact above nothing:
+    /// all of them are counted.
+    pub fn count_within(&self, centre: Vec3, radius: f32) -> u64 {
+        let mut count = 0;
+        self.0.query(&centre.to_array()).within::<SquaredEuclidean<f32>>(radius * radius).unsorted().visit(|_| count += 1);
+        count
+    }
+}

@@ -1,0 +1,304 @@
+//! Tracing photons: through overlapping regions in closed form, off Lambertian surfaces, until the map is full.
+
+use super::emit::{Emitter, Start};
+use super::map::PhotonMap;
+use super::{Model, Photon, pack_direction};
+use crate::error::{Error, Result};
+use crate::geom::{Bounds, Ray};
+use crate::media::{Flight, Media, Scratch};
+use crate::plan::{EffectName, Plan};
+use crate::progress::Progress;
+use crate::rng::{Rng, Stage};
+use crate::sampling::{around, cosine_hemisphere};
+use crate::scene::phase::{sample_eq19, sample_henyey_greenstein};
+use crate::scene::{Scene, Shape, medium::luminance};
+use crate::stats::Ratios;
+use crate::trimesh::TriMesh;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Paths in a batch: the item that has a stream of random numbers of its own.
+const BATCH_PATHS: u64 = 64;
+/// Photons that one wave of batches may be expected to store beyond what the map takes.
+const WAVE_PHOTONS: u64 = 1 << 19;
+/// Collisions after which a path is cut; its power is reported as truncated.
+const MAX_COLLISIONS: u64 = 1_000_000;
+/// Paths after which it is clear that nothing is stored.
+const HOPELESS_PATHS: u64 = 1 << 20;
+
+/// Where the power of a batch went. Order of the numerators in [`Energy`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fate {
+    /// Absorbed in regions.
+    AbsorbedMedium,
+    /// Absorbed by surfaces.
+    AbsorbedSurface,
+    /// Left the scene.
+    Escaped,
+    /// Lost to eq. 25, which attenuates what eq. 17 has already sampled; only in [`Model::Hura2006`].
+    Attenuated,
+    /// Cut after a million collisions.
+    Truncated,
+}
+
+/// The energy balance: five fates over the power that crossed the regions' silhouette (or started toward surfaces), by batch.
+pub type Energy = Ratios<5>;
+
+/// What a whole pass 1 gives.
+#[derive(Debug, Clone)]
+pub struct Shot {
+    /// The stored photons.
+    pub map: PhotonMap,
+    /// Photons emitted until the map was full: the number that its powers are divided by.
+    pub emitted: u64,
+    /// Paths that the energy balance counts: those of every batch up to the one that filled the map.
+    pub traced: u64,
+    /// Collisions of all traced paths.
+    pub collisions: u64,
+    /// Where the power went.
+    pub energy: Energy,
+}
+
+/// What one batch of paths gives.
+#[derive(Debug, Default)]
+struct Batch {
+    photons: Vec<Photon>,
+    /// The number of photons stored by the end of each path.
+    ends: Vec<u32>,
+    fates: [f64; 5],
+    power: f64,
+    collisions: u64,
+    interrupted: bool,
+}
+
+/// Traces the photons of a scene.
+#[derive(Debug, Clone)]
+pub struct Tracer {
+    media: Media,
+    surfaces: TriMesh,
+    albedos: Vec<f64>,
+    pub(super) emitter: Emitter,
+    model: Model,
+    absorption: bool,
+    origin: DVec3,
+    /// A scene of slabs alone looks the same everywhere: its photons are kept within the tile.
+    wrap: Option<(Vec3, Vec3)>,
+    /// The tiles of slabs beside other regions: photons outside are not stored.
+    tiles: Vec<Option<(Vec3, Vec3)>>,
+}
+
+impl Tracer {
+    /// Compiles the scene for the effects that the plan calls for.
+    pub fn new(scene: &Scene, plan: &Plan, model: Model) -> Self {
+        let bounds = scene.region_bounds();
+        let origin = bounds.centre();
+        let bounces = plan.on(EffectName::SurfaceBounce);
+        let meshes: Vec<_> = scene.surfaces.iter().map(|s| &s.mesh).collect();
+        let alone = scene.regions.iter().all(|r| matches!(r.shape, Shape::Slab { .. }));
+        let local = |b: Bounds| ((b.min - origin).as_vec3(), (b.max - origin).as_vec3());
+        let tile = |shape: &Shape| (matches!(shape, Shape::Slab { .. }) && !alone).then(|| local(shape.bounds()));
+        Tracer {
+            media: Media::new(&scene.regions, origin),
+            surfaces: TriMesh::new(&meshes, origin),
+            albedos: scene.surfaces.iter().map(|s| if bounces { luminance(s.albedo).clamp(0.0, 1.0) } else { 0.0 }).collect(),
+            emitter: Emitter::new(scene, origin, plan.on(EffectName::SunDisc), bounces),
+            model,
+            absorption: plan.on(EffectName::Absorption),
+            origin,
+            wrap: (alone && !scene.regions.is_empty()).then(|| local(bounds)),
+            tiles: scene.regions.iter().map(|r| tile(&r.shape)).collect(),
+        }
+    }
+
+    /// Traces photons until `wanted` are stored (the thesis's "when the volume photon map is full"), or until so many have
+    /// been emitted that the scene is too thin to fill it.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`], and [`Error::Scene`] where no light reaches a region or none scatters twice.
+    pub fn fill(&self, wanted: u64, seed: u64, progress: &dyn Progress) -> Result<Shot> {
+        progress.begin("photons", wanted);
+        let most_paths = 16 * wanted + HOPELESS_PATHS;
+        let mut shot = Shot { map: PhotonMap::new(self.origin, wanted), emitted: 0, traced: 0, collisions: 0, energy: Energy::default() };
+        let mut next = 0u64;
+        while shot.map.len() < wanted && shot.emitted < most_paths {
+            progress.check()?;
+            let stored = shot.map.len();
+            let expected = (stored / next.max(1)).max(1);
+            let wave = if next == 0 { 2 } else { (WAVE_PHOTONS.min(wanted - stored) / expected + 1).clamp(2, 4096) };
+            let batches: Vec<Batch> = (next..next + wave).into_par_iter().map(|item| self.batch(seed, item, wanted, progress)).collect();
+            for batch in batches {
+                if batch.interrupted {
+                    return Err(Error::Interrupted);
+                }
+                // The path that fills the map is the last that counts as emitted.
+                let room = wanted - shot.map.len();
+                let full = batch.ends.iter().position(|&end| u64::from(end) >= room);
+                shot.emitted += full.map_or(batch.ends.len(), |path| path + 1) as u64;
+                shot.traced += batch.ends.len() as u64;
+                shot.map.extend(&batch.photons[..batch.photons.len().min(room as usize)]);
+                shot.energy.add(batch.fates, batch.power);
+                shot.collisions += batch.collisions;
+                if full.is_some() {
+                    break;
+                }
+            }
+            next += wave;
+            progress.at(shot.map.len());
+            if shot.map.is_empty() && shot.emitted >= HOPELESS_PATHS {
+                break;
+            }
+        }
+        if shot.energy.denominator() <= 0.0 || (shot.collisions == 0 && shot.energy.ratio(Fate::AbsorbedSurface as usize).value > 0.999) {
+            return Err(Error::Scene {
+                reason: "no light reaches any region: the sun is dark, or surfaces stand between it and every region".into(),
+                fix: "Give the sun a strength above zero, and check what lies between it and the cloud".into(),
+            });
+        }
+        shot.map.finish(1.0 / shot.emitted as f64);
+        Ok(shot)
+    }
+
+    /// One batch of paths: the same whatever else is traced, and on whatever thread. Stops after the path that alone would
+    /// fill the map.
+    fn batch(&self, seed: u64, item: u64, wanted: u64, progress: &dyn Progress) -> Batch {
+        let mut rng = Rng::new(seed, Stage::Photons, item);
+        let (mut batch, mut scratch) = (Batch::default(), Scratch::default());
+        for _ in 0..BATCH_PATHS {
+            let start = self.emitter.emit(&mut rng, &self.surfaces);
+            batch.power += start.power;
+            match self.model {
+                Model::Physical => self.path::<Physical>(start, &mut rng, &mut batch, &mut scratch, wanted, progress),
+                Model::Hura2006 => self.path::<Hura2006>(start, &mut rng, &mut batch, &mut scratch, wanted, progress),
+            }
+            batch.ends.push(batch.photons.len() as u32);
+            if batch.interrupted || batch.photons.len() as u64 >= wanted {
+                break;
+            }
+        }
+        batch
+    }
+
+    fn path<R: Rules>(&self, start: Start, rng: &mut Rng, batch: &mut Batch, scratch: &mut Scratch, wanted: u64, progress: &dyn Progress) {
+        let Start { mut ray, mut power } = start;
+        if power <= 0.0 {
+            return;
+        }
+        let (mut collisions, mut bounced, mut hint) = (0u64, false, 0.0);
+        loop {
+            let tau = R::optical_depth(rng);
+            let flight = self.media.fly(&ray, f32::INFINITY, tau, hint, || rng.uniform(), scratch);
+            let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
+            if let Some(hit) = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&ray, reach) } {
+                if rng.uniform() >= self.albedos[hit.owner as usize] {
+                    return batch.end(Fate::AbsorbedSurface, power);
+                }
+                let p = ray.at(hit.t);
+                // Off the surface by more than the position's rounding, so that it is not met again.
+                let off = (p.abs().max_element().max(hit.t)) * 8.0 * f32::EPSILON;
+                ray = Ray { origin: p + hit.normal * off, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
+                (bounced, hint) = (true, 0.0);
+                continue;
+            }
+            let Flight::Collision { distance, region } = flight else {
+                return batch.end(Fate::Escaped, power);
+            };
+            let optics = self.media.optics(region);
+            let p = self.wrapped(ray.at(distance));
+            collisions += 1;
+            batch.collisions += 1;
+            let kept = power * R::attenuation(tau);
+            batch.fates[Fate::Attenuated as usize] += power - kept;
+            power = kept;
+            if (collisions > 1 || bounced) && (batch.photons.len() as u64) < wanted && self.in_tile(region, p) {
+                let stored = power * R::stored(optics.albedo);
+                batch.photons.push(Photon {
+                    position: p.to_array(),
+                    direction: pack_direction(ray.direction),
+                    power: stored as f32,
+                    region,
+                });
+            }
+            if self.absorption && rng.uniform() >= optics.albedo {
+                return batch.end(Fate::AbsorbedMedium, power);
+            }
+            if collisions >= MAX_COLLISIONS {
+                return batch.end(Fate::Truncated, power);
+            }
+            if collisions.is_multiple_of(4096) && progress.cancelled() {
+                batch.interrupted = true;
+                return;
+            }
+            let (cos, sin) = R::scatter(optics.g, rng.uniform());
+            ray = Ray { origin: p, direction: around(ray.direction, cos as f32, sin as f32, rng.uniform_f32()) };
+            hint = optics.sigma_t;
+        }
+    }
+
+    fn wrapped(&self, p: Vec3) -> Vec3 {
+        let Some((min, max)) = self.wrap else { return p };
+        let size = max - min;
+        let fold = |x: f32, min: f32, size: f32| min + (x - min).rem_euclid(size).min(size.next_down());
+        Vec3::new(fold(p.x, min.x, size.x), fold(p.y, min.y, size.y), p.z)
+    }
+
+    fn in_tile(&self, region: u32, p: Vec3) -> bool {
+        self.tiles[region as usize].is_none_or(|(min, max)| p.x >= min.x && p.x <= max.x && p.y >= min.y && p.y <= max.y)
+    }
+}
+
+impl Batch {
+    fn end(&mut self, fate: Fate, power: f64) {
+        self.fates[fate as usize] += power;
+    }
+}
+
+/// Where the two readings of the thesis differ in pass 1; chosen once a batch.
+trait Rules {
+    /// The optical depth to the next collision.
+    fn optical_depth(rng: &mut Rng) -> f64;
+    /// What is left of the power after flying that optical depth.
+    fn attenuation(tau: f64) -> f64;
+    /// The share of the power that is stored at a collision.
+    fn stored(albedo: f64) -> f64;
+    /// (cos, sin) of the scattering angle.
+    fn scatter(g: f64, xi: f64) -> (f64, f64);
+}
+
+struct Physical;
+
+impl Rules for Physical {
+    #[inline]
+    fn optical_depth(rng: &mut Rng) -> f64 {
+        rng.optical_depth()
+    }
+    #[inline]
+    fn attenuation(_: f64) -> f64 {
+        1.0
+    }
+    #[inline]
+    fn stored(albedo: f64) -> f64 {
+        albedo
+    }
+    #[inline]
+    fn scatter(g: f64, xi: f64) -> (f64, f64) {
+        sample_henyey_greenstein(g, xi)
+    }
+}
+
+struct Hura2006;
+
+impl Rules for Hura2006 {
+    fn optical_depth(rng: &mut Rng) -> f64 {
+        // Eq. 17 as printed: infinite at xi = 0, so that the photon leaves.
+        -rng.uniform().ln()
+    }
+    fn attenuation(tau: f64) -> f64 {
+        (-tau).exp()
+    }
+    fn stored(_: f64) -> f64 {
+        1.0
+    }
+    fn scatter(g: f64, xi: f64) -> (f64, f64) {
+        sample_eq19(g, xi)
+    }
+}

@@ -1,0 +1,33 @@
+//! How the core tells how far it is, and learns that it should stop.
+
+use crate::error::{Error, Result};
+
+/// Watches the stages of a run. The core prints nothing and reads no clock: whoever runs it does.
+pub trait Progress: Sync {
+    /// A stage begins; it will count to `total`.
+    fn begin(&self, stage: &'static str, total: u64);
+    /// The stage has come to `done` of its total.
+    fn at(&self, done: u64);
+    /// Whether the run should stop as soon as it can.
+    fn cancelled(&self) -> bool;
+
+    /// [`Error::Interrupted`] once the run should stop.
+    ///
+    /// # Errors
+    /// When [`Progress::cancelled`] says so.
+    fn check(&self) -> Result<()> {
+        if self.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+}
+
+/// Watches nothing and never stops anything.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn begin(&self, _: &'static str, _: u64) {}
+    fn at(&self, _: u64) {}
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
