@@ -4,6 +4,7 @@
 
 pub mod bvh;
 pub mod error;
+pub mod export;
 pub mod geom;
 pub mod media;
 pub mod photon;
