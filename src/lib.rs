@@ -4,5 +4,6 @@
 pub mod error;
 pub mod geom;
 pub mod scene;
+pub mod vdb;
 
 pub use error::{Error, Result};
