@@ -3,7 +3,8 @@
 // OpenVDB tests neither the state of its stream (after a short read it carries on with memory that was never written)
 // nor the size of a chunk stored without compression (it reads as many bytes as the file says into a buffer of fixed size,
 // and compares afterwards). So this stream throws at the first short read, and follows the few reads that lead up to
-// a chunk (mask, kind of inactive values, size) to refuse a wrong size before a byte of it is copied.
+// a chunk (mask, kind of inactive values, size) to refuse a wrong size before a byte of it is copied. Blosc believes the size
+// in a chunk's own header, so that is compared too.
 #pragma once
 
 #include <cstdint>
@@ -27,9 +28,9 @@ class GuardedBuffer : public std::streambuf {
     std::int64_t left() const { return size_ - at_; }
 
     /// From here on chunks of a tree follow, whose values are `value_bytes` wide and stored for active voxels only if `masked`.
-    void expect_chunks(std::size_t value_bytes, bool masked) {
+    void expect_chunks(std::size_t value_bytes, bool masked, bool blosc) {
         stage_ = Stage::Elsewhere;
-        value_bytes_ = value_bytes, masked_ = masked, guarding_ = true;
+        value_bytes_ = value_bytes, masked_ = masked, blosc_ = blosc, guarding_ = true;
     }
 
   protected:
@@ -67,6 +68,9 @@ class GuardedBuffer : public std::streambuf {
         const bool mask = n == 64 || n == 512 || n == 4096; // of a leaf, and of the two levels of nodes above
         if (stage_ == Stage::Chunk) {
             stage_ = Stage::Elsewhere;
+            std::uint32_t own_size = 0;
+            if (n >= 16) std::memcpy(&own_size, bytes + 12, 4);
+            if (packed_ && blosc_ && own_size != std::uint64_t(n)) throw std::runtime_error(kWrongSize);
         } else if (mask && stage_ == Stage::Kind && kind_ >= 3 && kind_ <= 5 && !selected_) {
             selected_ = true;
         } else if (mask) {
@@ -81,6 +85,7 @@ class GuardedBuffer : public std::streambuf {
             std::int64_t size = 0;
             std::memcpy(&size, bytes, 8);
             check(size);
+            packed_ = size > 0;
             stage_ = size == 0 ? Stage::Elsewhere : Stage::Chunk;
         } else if (!(n == 4 && stage_ == Stage::Kind)) {
             stage_ = Stage::Elsewhere;
@@ -91,12 +96,14 @@ class GuardedBuffer : public std::streambuf {
     void check(std::int64_t size) const {
         const std::int64_t room = (masked_ && kind_ != 6 ? active_ : slots_) * std::int64_t(value_bytes_);
         if (size > left()) throw std::runtime_error("the file ends too early, it was probably truncated");
-        if (size <= 0 && size != -room) throw std::runtime_error("the tree is damaged (a chunk of the wrong size)");
+        if (size <= 0 && size != -room) throw std::runtime_error(kWrongSize);
     }
+
+    static constexpr const char *kWrongSize = "the tree is damaged (a chunk of the wrong size)";
 
     std::filebuf file_;
     std::int64_t size_ = 0, at_ = 0;
-    bool guarding_ = false, masked_ = true, selected_ = false;
+    bool guarding_ = false, masked_ = true, blosc_ = true, packed_ = false, selected_ = false;
     std::size_t value_bytes_ = 4;
     Stage stage_ = Stage::Elsewhere;
     int kind_ = 0;

@@ -125,8 +125,11 @@ bool read_transform(GuardedStream &is, GridEntry &grid) {
 std::unique_ptr<Tree> read_tree(GuardedStream &is, const GridEntry &grid) {
     is.seekg(grid.tree_at);
     openvdb::io::setDataCompression(is, grid.compression);
-    const bool chunks = (grid.compression & (openvdb::io::COMPRESS_ZIP | openvdb::io::COMPRESS_BLOSC)) != 0;
-    if (chunks) is.buffer().expect_chunks(grid.tree_half ? 2 : 4, (grid.compression & openvdb::io::COMPRESS_ACTIVE_MASK) != 0);
+    const auto has = [&](std::uint32_t flag) { return (grid.compression & flag) != 0; };
+    const bool blosc = has(openvdb::io::COMPRESS_BLOSC);
+    if (blosc || has(openvdb::io::COMPRESS_ZIP)) {
+        is.buffer().expect_chunks(grid.tree_half ? 2 : 4, has(openvdb::io::COMPRESS_ACTIVE_MASK), blosc);
+    }
     openvdb::io::setGridBackgroundValuePtr(is, nullptr);
     auto *tree = new Tree(0.0f);
     tree->readTopology(is, grid.tree_half);

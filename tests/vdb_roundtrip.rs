@@ -134,10 +134,14 @@ fn several_grids_with_metadata() {
     let of = |pairs: &[(&str, Meta)]| -> Vec<_> { pairs.iter().map(|(key, value)| (key.to_string(), value.clone())).collect() };
     let own = of(&[("g", Meta::Float(0.86)), ("photons", Meta::Int(1 << 40)), ("unit", Meta::Text("1/m, wölkchen".into()))]);
     let file = of(&[("creator", Meta::Text("cloudvdb".into())), ("seed", Meta::Int(-7))]);
-    write(&path, &[GridOut { half: true, metadata: &own, ..out("density", &cloud) }, out("source", &source), out("source", &cloud)], &file).unwrap();
+    write(&path, &[GridOut { half: true, metadata: &own, ..out("density", &cloud) }, out("source", &source), out("source", &cloud)], &file)
+        .unwrap();
     let vdb = VdbFile::open(&path).unwrap();
     assert_eq!(vdb.metadata(), file);
-    assert_eq!(vdb.grids().iter().map(|g| (g.name.as_str(), g.saved_as_half)).collect::<Vec<_>>(), [("density", true), ("source", false), ("source", false)]);
+    assert_eq!(
+        vdb.grids().iter().map(|g| (g.name.as_str(), g.saved_as_half)).collect::<Vec<_>>(),
+        [("density", true), ("source", false), ("source", false)]
+    );
     assert_eq!(vdb.grids()[0].metadata, own);
     assert!(vdb.grids()[1].world_from_index.unwrap().abs_diff_eq(skewed(), 1e-12));
     assert_eq!(vdb.read_float("source").unwrap().values, source.values);
@@ -178,7 +182,12 @@ fn what_a_vdb_cannot_say_is_refused() {
     refused(&BrickGrid { origins: good.origins.iter().rev().copied().collect(), ..good.clone() }, false, &[], "follows");
     refused(&BrickGrid { origins: vec![[1, 0, 0]], values: vec![1.0; 512], ..good.clone() }, false, &[], "multiple");
     refused(&BrickGrid { values: vec![1.0; 5], ..good.clone() }, false, &[], "samples");
-    refused(&BrickGrid { world_from_index: DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO }, ..good.clone() }, false, &[], "inverted");
+    refused(
+        &BrickGrid { world_from_index: DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO }, ..good.clone() },
+        false,
+        &[],
+        "inverted",
+    );
 }
 
 #[test]
@@ -264,6 +273,42 @@ fn damaged_files_never_crash() {
     }
 }
 
+#[test]
+fn chunks_that_lie_about_their_size_are_refused() {
+    let dir = dir();
+    let path = dir.path().join("chunk.vdb");
+    let whole = sample_file(&path);
+    // The last blosc chunk: 8 bytes of size, then blosc's header, with the same size in its last four bytes.
+    let size = |at: usize| u64::from_le_bytes(whole[at - 8..at].try_into().unwrap());
+    let own = |at: usize| u64::from(u32::from_le_bytes(whole[at + 12..at + 16].try_into().unwrap()));
+    let at = (8..whole.len() - 16).rev().find(|&at| whole[at..at + 2] == [2, 1] && size(at) == own(at)).unwrap();
+    let refused = |mut bytes: Vec<u8>| {
+        bytes.resize(bytes.len() + (1 << 20), 0x41);
+        fs::write(&path, &bytes).unwrap();
+        let message = read_all(&path).unwrap_err().to_string();
+        assert!(message.contains("a chunk of the wrong size") || message.contains("too early"), "{message}");
+    };
+    for lie in [-(1i64 << 20), -2048, i64::MIN, i64::MAX, 1 << 40, 1 << 19, 5] {
+        let mut bytes = whole.clone();
+        bytes[at - 8..at].copy_from_slice(&lie.to_le_bytes());
+        refused(bytes);
+    }
+    let mut bytes = whole.clone();
+    bytes[at + 12..at + 16].copy_from_slice(&(1u32 << 19).to_le_bytes());
+    refused(bytes);
+}
+
+#[test]
+fn a_file_without_an_index_is_read_in_order() {
+    let dir = dir();
+    let path = dir.path().join("stream.vdb");
+    let mut bytes = sample_file(&path);
+    let indexed = read_all(&path).unwrap();
+    assert_eq!(std::mem::replace(&mut bytes[20], 0), 1);
+    fs::write(&path, &bytes).unwrap();
+    assert_eq!(read_all(&path).unwrap(), indexed);
+}
+
 /// Runs a script in Debian's Python with its OpenVDB module; `None`, with a notice, where that is not installed.
 fn pyopenvdb(script: &str, path: &Path) -> Option<String> {
     let python = |code: &str| Command::new("/usr/bin/python3").args(["-c", code]).arg(path).output();
@@ -294,7 +339,9 @@ for grid in vdb.readAll(path)[0]:
 print(json.dumps(sorted(found)))"#;
     let Some(text) = pyopenvdb(script, &path) else { return };
     let found: serde_json::Value = serde_json::from_str(&text).unwrap();
-    for (row, grid, half, map, name) in [(&found[0], &cloud, true, "AffineMap", "density"), (&found[1], &source, false, "UniformScaleTranslateMap", "source")] {
+    for (row, grid, half, map, name) in
+        [(&found[0], &cloud, true, "AffineMap", "density"), (&found[1], &source, false, "UniformScaleTranslateMap", "source")]
+    {
         assert_eq!((row[0].as_str(), row[1].as_str(), row[2].as_bool()), (Some(name), Some("fog volume"), Some(half)), "{row}");
         assert_eq!(row[3].as_u64().unwrap(), grid.active_voxels());
         let sum: f64 = grid.values.iter().map(|&v| f64::from(v)).sum();
@@ -318,12 +365,16 @@ b = vdb.createLevelSetSphere(radius=4, voxelSize=0.5); b.name = "surface"
 c = vdb.BoolGrid(); c.name = "mask"; c.fill((0, 0, 0), (1, 1, 1), True)
 d = vdb.FloatGrid(background=1.0); d.name = "huge"; d.fill((0, 0, 0), (8191, 4095, 4095), 2.0)
 e = vdb.FloatGrid(); e.name = "frustum"; e.transform = vdb.createFrustumTransform((0, 0, 0), (10, 10, 10), 0.5, 10)
-vdb.write(path, [a, b, c, d, e], {"vector": (1.0, 2.0, 3.0), "yes": True})
+f = a.copy(); f.name = "moved"; f.transform = vdb.createLinearTransform(2.0)
+vdb.write(path, [a, b, c, d, e, f], {"vector": (1.0, 2.0, 3.0), "yes": True})
 print(b.activeVoxelCount())"#;
     let Some(text) = pyopenvdb(script, &path) else { return };
     let vdb = VdbFile::open(&path).unwrap();
     let grid = vdb.read_float("density").unwrap();
     assert_eq!((grid.origins.len(), grid.active_voxels(), grid.integral()), (8, 1000, 500.0));
+    // A grid that shares another's tree.
+    let moved = vdb.read_float("moved").unwrap();
+    assert_eq!((&moved.values, moved.integral()), (&grid.values, 4000.0));
     assert_eq!(vdb.grids().iter().find(|g| g.name == "surface").unwrap().class, "level set");
     let active = text.trim().parse::<u64>().unwrap();
     assert_eq!(vdb.grids().iter().find(|g| g.name == "surface").unwrap().active_voxels, active);
