@@ -1,1 +1,46 @@
-fn main() {}
+//! Compiles the bridge to OpenVDB (`cpp/`) and links what Debian's libopenvdb needs.
+
+use std::path::Path;
+
+/// A header of each Debian package that OpenVDB's own headers pull in.
+const NEEDED: [(&str, &str); 4] = [
+    ("openvdb/openvdb.h", "libopenvdb-dev"),
+    ("boost/uuid/uuid.hpp", "libboost-dev"),
+    ("Imath/half.h", "libimath-dev"),
+    ("tbb/parallel_for.h", "libtbb-dev"),
+];
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-changed=cpp");
+    println!("cargo::rerun-if-changed=src/vdb/ffi.rs");
+    println!("cargo::rerun-if-env-changed=CPLUS_INCLUDE_PATH");
+
+    let extra = std::env::var_os("CPLUS_INCLUDE_PATH").unwrap_or_default();
+    let roots: Vec<_> = std::env::split_paths(&extra).chain(["/usr/include".into(), "/usr/local/include".into()]).collect();
+    let missing: Vec<_> =
+        NEEDED.iter().filter(|(header, _)| !roots.iter().any(|root| root.join(header).exists())).map(|&(_, package)| package).collect();
+    if !missing.is_empty() {
+        println!(
+            "cargo::error=OpenVDB's headers are not complete: {} missing. \
+             On Debian and Ubuntu: sudo apt-get install libopenvdb-dev libboost-dev libimath-dev libtbb-dev",
+            missing.join(", ")
+        );
+        return;
+    }
+
+    let mut build = cxx_build::bridge("src/vdb/ffi.rs");
+    build.files(["cpp/vdb_bridge.cc", "cpp/vdb_read.cc"]);
+    if std::env::var_os("CARGO_FEATURE_BENCH_BASELINE").is_some() {
+        build.file("cpp/bench_baseline.cc");
+    }
+    // OpenVDB's headers are slow without optimisation, also in debug builds; their warnings are not ours.
+    build.std("c++17").opt_level(2).define("NDEBUG", None).flag_if_supported("-Wno-unused-parameter");
+    for root in roots.iter().map(|root| root.join("Imath")).filter(|dir| Path::exists(dir)) {
+        build.flag(format!("-isystem{}", root.display()));
+    }
+    build.compile("cloudvdb_bridge");
+    for library in ["openvdb", "tbb", "Imath-3_1"] {
+        println!("cargo::rustc-link-lib={library}");
+    }
+}

@@ -16,5 +16,6 @@ pub mod sampling;
 pub mod scene;
 pub mod stats;
 pub mod trimesh;
+pub mod vdb;
 
 pub use error::{Error, Result};

@@ -1,0 +1,66 @@
+// The boundary between Rust and OpenVDB, as src/vdb/ffi.rs declares it. Includes no OpenVDB header, on purpose.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <memory>
+
+#include "rust/cxx.h"
+
+namespace rust {
+namespace behavior {
+/// Turns every C++ exception into a Rust `Err`, also those that are no std::exception.
+template <typename Try, typename Fail>
+static void trycatch(Try &&attempt, Fail &&fail) noexcept try {
+    attempt();
+} catch (const std::exception &error) {
+    fail(error.what());
+} catch (...) {
+    fail("an exception of an unknown type");
+}
+} // namespace behavior
+} // namespace rust
+
+namespace cloudvdb {
+
+struct MetaEntry;
+struct GridEntry;
+struct Found;
+
+/// Grids that wait to be written.
+class Draft {
+  public:
+    Draft();
+    ~Draft();
+    void add(rust::Str name, bool half, rust::Slice<const double> world_from_index, rust::Slice<const std::int32_t> origins,
+             rust::Slice<const float> values, rust::Slice<const MetaEntry> metadata);
+    std::int32_t save(rust::Slice<const std::uint8_t> path, rust::Slice<const MetaEntry> metadata) const;
+
+  private:
+    struct Inside;
+    std::unique_ptr<Inside> inside_;
+};
+
+/// The samples of a FloatGrid that was read, by bricks of 8 x 8 x 8.
+class Bricks {
+  public:
+    struct Inside;
+    explicit Bricks(std::unique_ptr<Inside> inside);
+    ~Bricks();
+    std::size_t count() const;
+    void fill(rust::Slice<std::int32_t> origins, rust::Slice<float> values) const;
+
+  private:
+    std::unique_ptr<Inside> inside_;
+};
+
+std::unique_ptr<Draft> new_draft();
+Found scan(rust::Slice<const std::uint8_t> path);
+std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEntry &grid, std::uint64_t max_voxels);
+std::uint64_t count_active(rust::Slice<const std::uint8_t> path, const GridEntry &grid);
+
+/// Runs openvdb::initialize once.
+void initialize();
+
+} // namespace cloudvdb

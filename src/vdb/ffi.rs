@@ -1,0 +1,73 @@
+//! The `cxx` bridge to `cpp/`: the only unsafe code of this crate. Slices across the boundary, every call that can fail a `Result`.
+#![allow(unsafe_code, missing_docs, clippy::missing_safety_doc)]
+
+pub use bridge::*;
+
+#[cxx::bridge(namespace = "cloudvdb")]
+mod bridge {
+    /// What a value of metadata is.
+    #[derive(Debug)]
+    enum MetaKind {
+        Text,
+        Int,
+        Float,
+    }
+
+    /// One named value of metadata; `kind` says which of the three fields counts.
+    #[derive(Debug)]
+    struct MetaEntry {
+        key: String,
+        kind: MetaKind,
+        text: String,
+        whole: i64,
+        real: f64,
+    }
+
+    /// A grid of a file, as its descriptor, metadata and transform say.
+    #[derive(Debug)]
+    struct GridEntry {
+        unique_name: String,
+        type_name: String,
+        half: bool,
+        linear: bool,
+        /// Columns of the affine matrix: three of the linear part, then the translation.
+        matrix: [f64; 12],
+        metadata: Vec<MetaEntry>,
+        /// Where the tree begins, or -1 if an instance refers to a grid that is not there.
+        tree_at: i64,
+        tree_half: bool,
+        compression: u32,
+    }
+
+    /// What a file holds.
+    #[derive(Debug)]
+    struct Found {
+        metadata: Vec<MetaEntry>,
+        grids: Vec<GridEntry>,
+    }
+
+    unsafe extern "C++" {
+        include!("cloudvdb/cpp/vdb_bridge.h");
+
+        type Draft;
+        fn new_draft() -> Result<UniquePtr<Draft>>;
+        fn add(
+            self: Pin<&mut Draft>,
+            name: &str,
+            half: bool,
+            world_from_index: &[f64],
+            origins: &[i32],
+            values: &[f32],
+            metadata: &[MetaEntry],
+        ) -> Result<()>;
+        /// Returns 0, or the errno of the write that failed.
+        fn save(self: &Draft, path: &[u8], metadata: &[MetaEntry]) -> Result<i32>;
+
+        type Bricks;
+        fn scan(path: &[u8]) -> Result<Found>;
+        fn load(path: &[u8], grid: &GridEntry, max_voxels: u64) -> Result<UniquePtr<Bricks>>;
+        fn count_active(path: &[u8], grid: &GridEntry) -> Result<u64>;
+        fn count(self: &Bricks) -> usize;
+        fn fill(self: &Bricks, origins: &mut [i32], values: &mut [f32]) -> Result<()>;
+    }
+}
