@@ -12,6 +12,8 @@ pub enum Stage {
     Photons = 1,
     /// The duality: candidates for regions.
     Regions = 2,
+    /// Rays of sunlight that measure what was made.
+    Sunlight = 3,
 }
 
 /// A stream of uniform random numbers.

@@ -1,1 +1,123 @@
+//! The VDB that Blender opens: which grids, at which voxel size, with which metadata.
 
+use super::voxelise::{Up, voxel_size, voxelise};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::scene::{BrickGrid, Region, Scene};
+use crate::vdb::{GridOut, Meta, write};
+use serde::Serialize;
+use std::path::Path;
+
+/// A grid that can be written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum GridName {
+    /// The medium of the run: the synthesised regions, or with `--density source` the layout.
+    Density,
+    /// The layout before the duality.
+    Source,
+}
+
+impl GridName {
+    /// Its name in the file.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            GridName::Density => "density",
+            GridName::Source => "source",
+        }
+    }
+}
+
+/// How grids are written.
+#[derive(Debug, Clone)]
+pub struct VdbOptions {
+    /// In metres; `None` takes a third of the smallest half extent.
+    pub voxel_size: Option<f64>,
+    /// The most active voxels a grid may have.
+    pub max_voxels: u64,
+    /// The axis that points up.
+    pub up: Up,
+    /// 16-bit samples.
+    pub half: bool,
+    /// Which grids.
+    pub grids: Vec<GridName>,
+}
+
+/// What was written, for the report.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GridSummary {
+    /// The grid's name.
+    pub name: GridName,
+    /// Samples that are not zero.
+    pub active_voxels: u64,
+    /// The integral of the grid times `density_scale`: its optical mass, m^2.
+    pub optical_mass: f64,
+    /// The largest sample.
+    pub max: f32,
+}
+
+/// The grids of a file, ready to be written.
+#[derive(Debug, Clone)]
+pub struct Voxels {
+    grids: Vec<(GridName, BrickGrid)>,
+    /// Extinction in 1/m of a sample of 1: Blender's Principled Volume Density.
+    pub density_scale: f64,
+    /// In metres.
+    pub voxel_size: f64,
+    /// Whether the voxels had to be coarser than a third of the smallest half extent.
+    pub coarsened: bool,
+}
+
+impl Voxels {
+    /// Voxelises the regions to be written and, where asked, the layout.
+    ///
+    /// # Errors
+    /// [`crate::Error::TooManyVoxels`], [`crate::Error::Interrupted`].
+    pub fn new(layout: &Scene, written: &[Region], options: &VdbOptions, progress: &dyn Progress) -> Result<Self> {
+        let density_scale = layout.regions.iter().map(|r| r.medium.sigma_t()).fold(0.0, f64::max);
+        let of = |name: GridName| match name {
+            GridName::Density => written,
+            GridName::Source => &layout.regions,
+        };
+        let (mut size, mut coarsened) = (0.0f64, false);
+        for &name in &options.grids {
+            let (fits, coarse) = voxel_size(of(name), options.voxel_size, options.max_voxels)?;
+            // One lattice for all: as fine as the density asks, as coarse as the other must be.
+            if size == 0.0 || (coarse && fits > size) {
+                (size, coarsened) = (fits, coarse);
+            }
+        }
+        let voxels = |name| voxelise(of(name), size, density_scale, options.up, progress).map(|grid| (name, grid));
+        Ok(Voxels {
+            grids: options.grids.iter().map(|&name| voxels(name)).collect::<Result<_>>()?,
+            density_scale,
+            voxel_size: size,
+            coarsened,
+        })
+    }
+
+    /// Writes the grids with their metadata.
+    ///
+    /// # Errors
+    /// [`crate::Error::Write`], [`crate::Error::Vdb`].
+    pub fn write(&self, path: &Path, half: bool, metadata: &[(String, Meta)]) -> Result<()> {
+        let scale = [
+            ("density_scale".to_string(), Meta::Float(self.density_scale)),
+            ("unit".to_string(), Meta::Text("density_scale per metre".into())),
+        ];
+        let grids: Vec<GridOut> =
+            self.grids.iter().map(|(name, bricks)| GridOut { name: name.as_str(), bricks, half, metadata: &scale }).collect();
+        write(path, &grids, metadata)
+    }
+
+    /// What the grids hold.
+    pub fn summary(&self) -> Vec<GridSummary> {
+        let one = |(name, grid): &(GridName, BrickGrid)| GridSummary {
+            name: *name,
+            active_voxels: grid.active_voxels(),
+            optical_mass: grid.integral() * self.density_scale,
+            max: grid.values.iter().copied().fold(0.0, f32::max),
+        };
+        self.grids.iter().map(one).collect()
+    }
+}

@@ -11,8 +11,8 @@ use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
 use crate::sampling::{around, cosine_hemisphere};
 use crate::scene::phase::{sample_eq19, sample_henyey_greenstein};
-use crate::scene::{Scene, Shape, medium::luminance};
-use crate::stats::Ratios;
+use crate::scene::{Region, Scene, Shape, medium::luminance};
+use crate::stats::{Estimate, Ratios};
 use crate::trimesh::TriMesh;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -156,6 +156,29 @@ impl Tracer {
         }
         shot.map.finish(1.0 / shot.emitted as f64);
         Ok(shot)
+    }
+
+    /// The share of sunlight that crosses the scene's own regions, and the `other` ones, without a collision: over the sunlight
+    /// that the emitter aims at the scene, by 16 batches of 1024 rays.
+    pub fn sunlight_through(&self, other: &[Region], seed: u64) -> (Estimate, Estimate) {
+        let other = Media::new(other, self.origin);
+        let (mut ratios, mut scratch) = (Ratios::<2>::default(), Scratch::default());
+        for item in 0..16 {
+            let mut rng = Rng::new(seed, Stage::Sunlight, item);
+            let (mut through, mut power) = ([0.0; 2], 0.0);
+            for _ in 0..1024 {
+                let start = self.emitter.emit(&mut rng, &self.surfaces);
+                let depth = self.media.optical_depth(&start.ray, f32::INFINITY, &mut scratch);
+                // Light beside the layout, or aimed at surfaces, says nothing about it.
+                if depth > 0.0 {
+                    power += start.power;
+                    through[0] += start.power * (-depth).exp();
+                    through[1] += start.power * (-other.optical_depth(&start.ray, f32::INFINITY, &mut scratch)).exp();
+                }
+            }
+            ratios.add(through, power);
+        }
+        (ratios.ratio(0), ratios.ratio(1))
     }
 
     /// One batch of paths: the same whatever else is traced, and on whatever thread. Stops after the path that alone would
