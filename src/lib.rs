@@ -3,6 +3,7 @@
 
 pub mod error;
 pub mod geom;
+pub mod import;
 pub mod scene;
 
 pub use error::{Error, Result};
