@@ -3,11 +3,14 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod bvh;
+pub mod cli;
 pub mod error;
 pub mod export;
 pub mod geom;
+pub mod import;
 pub mod media;
 pub mod photon;
+pub mod pipeline;
 pub mod plan;
 pub mod progress;
 pub mod regions;

@@ -1,1 +1,5 @@
-fn main() {}
+//! The `cloudvdb` command.
+
+fn main() -> std::process::ExitCode {
+    cloudvdb::cli::main().into()
+}

@@ -1,10 +1,10 @@
 //! The main job on one page: a layout in; photons, regions, voxels; files out.
 
 use crate::error::{Error, Result};
+use crate::export::glb;
 use crate::export::report::{self, Energy, Errors, Grids, Mass, Photons, Regions, Report, Settings, Stage};
 use crate::export::staged::Staged;
 use crate::export::vdb::{VdbOptions, Voxels};
-use crate::export::glb;
 use crate::import::{self, ImportOptions, Layout};
 use crate::photon::{Shot, Tracer};
 use crate::plan::{Density, Plan};
@@ -36,7 +36,10 @@ impl Format {
             Some("vdb") => Ok(Format::Vdb),
             Some("json") => Ok(Format::Json),
             Some("glb") => Ok(Format::Glb),
-            _ => Err(Error::Usage(format!("-o {}: the extension says what is written, and must be .vdb (grids), .json (the report) or .glb (the regions as spheres)", path.display()))),
+            _ => Err(Error::Usage(format!(
+                "-o {}: the extension says what is written, and must be .vdb (grids), .json (the report) or .glb (the regions as spheres)",
+                path.display()
+            ))),
         }
     }
 }
@@ -152,7 +155,15 @@ fn opening(job: &Job, layout: &Layout, plan: &Plan) -> Report {
 }
 
 /// What pass 1 and the duality add to the report.
-fn light(report: &mut Report, job: &Job, layout: &Layout, tracer: &Tracer, shot: &Shot, synthesis: &Synthesis, clock: &Clock) -> Result<()> {
+fn light(
+    report: &mut Report,
+    job: &Job,
+    layout: &Layout,
+    tracer: &Tracer,
+    shot: &Shot,
+    synthesis: &Synthesis,
+    clock: &Clock,
+) -> Result<()> {
     let scene = &layout.scene;
     if synthesis.regions.is_empty() {
         return Err(too_thin(scene, shot, synthesis));
@@ -172,7 +183,12 @@ fn light(report: &mut Report, job: &Job, layout: &Layout, tracer: &Tracer, shot:
         ));
     }
     if shot.map.len() < job.photons {
-        report.notes.push(format!("the scene is so thin that {} emitted photons left only {} of the {} asked for", shot.emitted, shot.map.len(), job.photons));
+        report.notes.push(format!(
+            "the scene is so thin that {} emitted photons left only {} of the {} asked for",
+            shot.emitted,
+            shot.map.len(),
+            job.photons
+        ));
     }
     report.photons = Some(Photons::of(shot));
     report.energy = Some(Energy::of(shot));
@@ -196,7 +212,10 @@ fn light(report: &mut Report, job: &Job, layout: &Layout, tracer: &Tracer, shot:
 
 /// Why no region could be made, and what would do.
 fn too_thin(scene: &crate::scene::Scene, shot: &Shot, synthesis: &Synthesis) -> Error {
-    let thickest = scene.regions.iter().max_by(|a, b| (a.medium.sigma_t() * a.shape.thickness()).total_cmp(&(b.medium.sigma_t() * b.shape.thickness())));
+    let thickest = scene
+        .regions
+        .iter()
+        .max_by(|a, b| (a.medium.sigma_t() * a.shape.thickness()).total_cmp(&(b.medium.sigma_t() * b.shape.thickness())));
     let Some(region) = thickest else {
         return Error::Scene { reason: "there is no region".into(), fix: "Add one".into() };
     };
@@ -204,9 +223,20 @@ fn too_thin(scene: &crate::scene::Scene, shot: &Shot, synthesis: &Synthesis) -> 
     let (stored, wanted) = synthesis.sources.iter().map(|s| (s.photons, s.estimate)).max().unwrap_or_default();
     let reason = match shot.map.len() {
         0 => format!("no photon scatters twice: the thickest region, {}, has optical depth {:.3e} across", region.name, sigma * across),
-        _ => format!("no region came out: the fullest one holds {stored} photons, but nowhere do {wanted} of them lie within a free path ({:.3e} m; {} has optical depth {:.3} across)", 1.0 / sigma, region.name, sigma * across),
+        _ => format!(
+            "no region came out: the fullest one holds {stored} photons, but nowhere do {wanted} of them lie within a free path ({:.3e} m; {} has optical depth {:.3} across)",
+            1.0 / sigma,
+            region.name,
+            sigma * across
+        ),
     };
-    Error::Scene { reason, fix: format!("A sigma_t of {:.4} per metre would give it optical depth 40 (a cloud); more --photons or a smaller --estimate may also help", 40.0 / across) }
+    Error::Scene {
+        reason,
+        fix: format!(
+            "A sigma_t of {:.4} per metre would give it optical depth 40 (a cloud); more --photons or a smaller --estimate may also help",
+            40.0 / across
+        ),
+    }
 }
 
 /// What the file says about itself.

@@ -167,7 +167,12 @@ impl Photons {
     /// The counts of a finished pass 1.
     pub fn of(shot: &Shot) -> Self {
         let stored = shot.map.len();
-        Photons { emitted: shot.emitted, stored, collisions: shot.collisions, collisions_per_photon: shot.collisions as f64 / shot.traced.max(1) as f64 }
+        Photons {
+            emitted: shot.emitted,
+            stored,
+            collisions: shot.collisions,
+            collisions_per_photon: shot.collisions as f64 / shot.traced.max(1) as f64,
+        }
     }
 }
 
@@ -206,7 +211,14 @@ impl Report {
         let mut t = String::new();
         let count = |b: Became| self.found.iter().filter(|f| f.became == b).count();
         // Writing to a String cannot fail.
-        let _ = writeln!(t, "{}: {} regions, {} surfaces, {} ignored", self.input.display(), count(Became::Region), count(Became::Surface), count(Became::Ignored));
+        let _ = writeln!(
+            t,
+            "{}: {} regions, {} surfaces, {} ignored",
+            self.input.display(),
+            count(Became::Region),
+            count(Became::Surface),
+            count(Became::Ignored)
+        );
         if verbose {
             for f in &self.found {
                 let _ = writeln!(t, "  {} -> {}: {}", f.node, format!("{:?}", f.became).to_lowercase(), f.why);
@@ -221,15 +233,33 @@ impl Report {
         }
         if let Some(e) = &self.energy {
             let part = |e: Estimate| format!("{:.2} +- {:.2} %", 100.0 * e.value, 100.0 * e.se);
-            let _ = writeln!(t, "energy    {} absorbed, {} by surfaces, {} escaped", part(e.absorbed_medium), part(e.absorbed_surface), part(e.escaped));
+            let _ = writeln!(
+                t,
+                "energy    {} absorbed, {} by surfaces, {} escaped",
+                part(e.absorbed_medium),
+                part(e.absorbed_surface),
+                part(e.escaped)
+            );
         }
         if self.photons.is_some() {
             let r = &self.regions;
-            let _ = writeln!(t, "regions   {} of {} in the layout; {:.1} % of their volume sticks out", r.synthesised, r.source, 100.0 * r.sticking_out);
+            let _ = writeln!(
+                t,
+                "regions   {} of {} in the layout; {:.1} % of their volume sticks out",
+                r.synthesised,
+                r.source,
+                100.0 * r.sticking_out
+            );
         }
         if let Some(v) = &self.vdb {
             let voxels: u64 = v.grids.iter().map(|g| g.active_voxels).sum();
-            let _ = writeln!(t, "grid      {voxels} voxels of {:.4} m{}; in Blender set Density to {}", v.voxel_size, if v.coarsened { " (coarsened to fit --max-voxels)" } else { "" }, significant(v.density_scale));
+            let _ = writeln!(
+                t,
+                "grid      {voxels} voxels of {:.4} m{}; in Blender set Density to {}",
+                v.voxel_size,
+                if v.coarsened { " (coarsened to fit --max-voxels)" } else { "" },
+                significant(v.density_scale)
+            );
         }
         if let Some(e) = &self.error {
             let _ = writeln!(
@@ -241,7 +271,12 @@ impl Report {
                 duration(e.seconds_for_half)
             );
             let through = |e: Estimate| format!("{:.2} +- {:.2} %", 100.0 * e.value, 100.0 * e.se);
-            let _ = writeln!(t, "sunlight  {} passes the layout, {} the regions written", through(e.sunlight_through_layout), through(e.sunlight_through_regions));
+            let _ = writeln!(
+                t,
+                "sunlight  {} passes the layout, {} the regions written",
+                through(e.sunlight_through_layout),
+                through(e.sunlight_through_regions)
+            );
         }
         let stages: Vec<String> = self.stages.iter().map(|s| format!("{} {:.2}", s.stage, s.seconds)).collect();
         let _ = writeln!(t, "time      {:.2} s ({}), {:.0} MB", self.seconds, stages.join(", "), self.peak_memory as f64 / 1e6);
@@ -255,7 +290,18 @@ impl Report {
 /// The plan as a table for people.
 pub fn plan_table(plan: &Plan) -> String {
     let name = |n| serde_json::to_value(n).ok().and_then(|v| v.as_str().map(String::from)).unwrap_or_default();
-    plan.effects.iter().map(|e| format!("  {:<20} {:<4} {} (leaving it out changes at most {:.2} %)\n", name(e.name), if e.on { "on" } else { "off" }, e.reason, 100.0 * e.bound)).collect()
+    plan.effects
+        .iter()
+        .map(|e| {
+            format!(
+                "  {:<20} {:<4} {} (leaving it out changes at most {:.2} %)\n",
+                name(e.name),
+                if e.on { "on" } else { "off" },
+                e.reason,
+                100.0 * e.bound
+            )
+        })
+        .collect()
 }
 
 /// Four significant digits.

@@ -1,0 +1,268 @@
+//! The flags, and the job that they make.
+
+use crate::error::Error;
+use crate::export::vdb::{GridName, VdbOptions};
+use crate::export::voxelise::Up;
+use crate::import::ImportOptions;
+use crate::photon::Model;
+use crate::pipeline::Job;
+use crate::plan::Density;
+use crate::regions::{Duality, Placement};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Photon-cloud regions from a Blender layout, written as OpenVDB grids.
+///
+/// Reads a glTF layout of spheres (or metaballs, slabs, closed meshes), traces photons from the sun through it, makes new
+/// regions where light scatters multiply, and writes them as a grid that Blender opens.
+#[derive(Debug, Parser)]
+#[command(name = "cloudvdb", version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, after_help = EXAMPLES)]
+pub struct Arguments {
+    /// What to do instead of the main job.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// The main job.
+    #[command(flatten)]
+    pub run: Run,
+}
+
+const EXAMPLES: &str = "Examples:
+  cloudvdb cloud.glb -o cloud.vdb                        the main job
+  cloudvdb cloud.glb -o cloud.vdb -o report.json         and its report
+  cloudvdb cloud.glb -o regions.glb --photons 10M        the regions as spheres, to edit in Blender
+  cloudvdb plan cloud.glb                                which effects are simulated, and why";
+
+/// What else the command can do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Say which effects the scene calls for, which not, and why
+    Plan(PlanArguments),
+    /// Print completions for a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page
+    Man,
+}
+
+/// The arguments of `plan`.
+#[derive(Debug, Args)]
+pub struct PlanArguments {
+    /// The layout: .gltf or .glb
+    pub input: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Which medium the plan is for
+    #[arg(long, value_enum, default_value_t = DensityArgument::Source)]
+    pub density: DensityArgument,
+    /// Only nodes whose name matches become regions by their form (* and ?)
+    #[arg(long, value_name = "PATTERN")]
+    pub regions: Option<String>,
+    /// Closed meshes that are no spheres become regions too
+    #[arg(long)]
+    pub mesh_volumes: bool,
+}
+
+impl PlanArguments {
+    /// How the layout is read.
+    pub fn import(&self) -> ImportOptions {
+        ImportOptions { regions: self.regions.clone(), mesh_volumes: self.mesh_volumes }
+    }
+}
+
+/// The arguments of the main job.
+#[derive(Debug, Args)]
+pub struct Run {
+    /// The layout: .gltf or .glb
+    #[arg(required = true)]
+    pub input: Option<PathBuf>,
+    /// What to write; repeats. The extension says what: .vdb grids, .json the report, .glb the regions as spheres
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub outputs: Vec<PathBuf>,
+    /// Replace files that exist
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Which medium is written: the synthesised regions, or the layout as it is
+    #[arg(long, value_enum, default_value_t = DensityArgument::Duality)]
+    pub density: DensityArgument,
+    /// How the thesis is read: corrected, or to the letter
+    #[arg(long, value_enum, default_value_t = ModelArgument::Physical)]
+    pub model: ModelArgument,
+    /// Where candidates for regions are drawn: anywhere in a region, or at its photons
+    #[arg(long, value_enum, default_value_t = PlacementArgument::Uniform)]
+    pub placement: PlacementArgument,
+    /// Photons to store (10k, 1M and 1e6 are numbers too)
+    #[arg(long, value_name = "N", default_value = "1M", value_parser = count)]
+    pub photons: u64,
+    /// Photons that must lie within the search distance [default: the square root of a region's photons]
+    #[arg(long, value_name = "N", value_parser = count)]
+    pub estimate: Option<u64>,
+    /// Voxel size in metres [default: a third of the smallest region's half extent]
+    #[arg(long, value_name = "METRES", value_parser = length)]
+    pub voxel_size: Option<f64>,
+    /// The most active voxels a grid may have
+    #[arg(long, value_name = "N", default_value = "16777216", value_parser = count)]
+    pub max_voxels: u64,
+    /// The axis that points up in the grid: z for Blender, y for Houdini, Unreal and USD
+    #[arg(long, value_enum, default_value_t = UpArgument::Z)]
+    pub up: UpArgument,
+    /// Store 32-bit samples, not 16-bit ones
+    #[arg(long)]
+    pub float32: bool,
+    /// The grids to write
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "density")]
+    pub grids: Vec<GridArgument>,
+    /// Only nodes whose name matches become regions by their form (* and ?)
+    #[arg(long, value_name = "PATTERN")]
+    pub regions: Option<String>,
+    /// Closed meshes that are no spheres become regions too
+    #[arg(long)]
+    pub mesh_volumes: bool,
+    /// The seed: the same seed gives the same bytes, on any number of threads
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Threads to use [default: all]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Read and plan, but trace and write nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Print the report as JSON on stdout
+    #[arg(long)]
+    pub json: bool,
+    /// How progress is told on stderr: bars in a terminal, or JSON lines
+    #[arg(long, value_enum, default_value_t = ProgressStyle::Bar)]
+    pub progress: ProgressStyle,
+    /// Say nothing but errors
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Name everything that was found, and every effect
+    #[arg(short, long)]
+    pub verbose: bool,
+}
+
+impl Run {
+    /// The job that the flags ask for.
+    pub fn job(&self) -> Result<Job, Error> {
+        let usage = |text: &str| Err(Error::Usage(text.into()));
+        let Some(input) = self.input.clone() else { return usage("name a layout: cloudvdb cloud.glb -o cloud.vdb") };
+        if self.outputs.is_empty() && !self.dry_run && !self.json {
+            return usage("say what to write: -o cloud.vdb (or --json for the report on stdout, or --dry-run)");
+        }
+        if self.photons == 0 || self.estimate == Some(0) || self.max_voxels == 0 || self.threads == Some(0) {
+            return usage("--photons, --estimate, --max-voxels and --threads must be at least 1");
+        }
+        if self.photons > u64::from(u32::MAX) {
+            return usage("--photons can be at most 4294967295");
+        }
+        let mut grids: Vec<GridName> = self.grids.iter().map(|&g| g.into()).collect();
+        grids.dedup();
+        Ok(Job {
+            input,
+            outputs: self.outputs.clone(),
+            overwrite: self.overwrite,
+            import: ImportOptions { regions: self.regions.clone(), mesh_volumes: self.mesh_volumes },
+            density: self.density.into(),
+            photons: self.photons,
+            duality: Duality { model: self.model.into(), placement: self.placement.into(), estimate: self.estimate, seed: self.seed },
+            vdb: VdbOptions { voxel_size: self.voxel_size, max_voxels: self.max_voxels, up: self.up.into(), half: !self.float32, grids },
+            dry_run: self.dry_run,
+        })
+    }
+}
+
+/// How progress is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ProgressStyle {
+    /// A bar, where stderr is a terminal.
+    Bar,
+    /// JSON lines.
+    Json,
+}
+
+/// An argument that stands for a value of the core, which knows no command line.
+macro_rules! argument {
+    ($(#[$doc:meta])* $name:ident for $core:ident { $($(#[$help:meta])* $variant:ident),+ }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+        pub enum $name { $($(#[$help])* $variant),+ }
+        impl From<$name> for $core {
+            fn from(argument: $name) -> Self {
+                match argument { $($name::$variant => $core::$variant),+ }
+            }
+        }
+    };
+}
+
+argument!(/// `--density`
+    DensityArgument for Density { /// the regions that the duality makes
+        Duality, /// the layout as it is
+        Source });
+argument!(/// `--model`
+    ModelArgument for Model { /// energy is conserved
+        Physical, /// Hura's text to the letter, traps included
+        Hura2006 });
+argument!(/// `--placement`
+    PlacementArgument for Placement { /// anywhere in a region (the thesis)
+        Uniform, /// at photons (its future work)
+        Importance });
+argument!(/// `--up`
+    UpArgument for Up { /// Blender
+        Z, /// Houdini, Unreal, USD
+        Y });
+argument!(/// `--grids`
+    GridArgument for GridName { /// the medium of the run
+        Density, /// the layout before the duality
+        Source });
+
+/// A whole number, with k, M, G or an exponent.
+fn count(text: &str) -> Result<u64, String> {
+    let (digits, unit) = match text.char_indices().last() {
+        Some((i, 'k' | 'K')) => (&text[..i], 1e3),
+        Some((i, 'm' | 'M')) => (&text[..i], 1e6),
+        Some((i, 'g' | 'G')) => (&text[..i], 1e9),
+        _ => (text, 1.0),
+    };
+    let value = digits.parse::<f64>().map_err(|_| format!("{text:?} is not a number such as 500000, 500k, 10M or 1e6"))? * unit;
+    if value.fract() == 0.0 && (0.0..=9e15).contains(&value) {
+        Ok(value as u64)
+    } else {
+        Err(format!("{text:?} is not a whole number from 0 to 9e15"))
+    }
+}
+
+/// A length above zero.
+fn length(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err(format!("{text:?} is not a length in metres above 0")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_arguments_are_sound() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn counts_read_as_people_write_them() {
+        assert_eq!(
+            [count("10M"), count("1e6"), count("250k"), count("7"), count("1.5M")],
+            [Ok(10_000_000), Ok(1_000_000), Ok(250_000), Ok(7), Ok(1_500_000)]
+        );
+        assert!(["", "x", "-1", "1.5", "nan", "inf", "1e300", "é"].iter().all(|t| count(t).is_err()));
+    }
+
+    #[test]
+    fn lengths_are_finite_and_above_zero() {
+        assert_eq!(length("0.25"), Ok(0.25));
+        assert!(["0", "-1", "nan", "inf", "1m", ""].iter().all(|t| length(t).is_err()));
+    }
+}

@@ -1,0 +1,103 @@
+//! Progress on stderr: a bar for stages over half a second, or JSON lines.
+
+use super::args::ProgressStyle;
+use super::event;
+use crate::progress::Progress;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Stages shorter than this are not worth a bar.
+const PATIENCE: Duration = Duration::from_millis(500);
+/// JSON lines come no more often than this.
+const BEAT: Duration = Duration::from_millis(100);
+
+/// Watches a run for the terminal or the add-on.
+pub struct Watch {
+    cancelled: Arc<AtomicBool>,
+    style: ProgressStyle,
+    visible: bool,
+    stage: Mutex<Stage>,
+}
+
+struct Stage {
+    name: &'static str,
+    total: u64,
+    began: Instant,
+    told: Instant,
+    bar: Option<ProgressBar>,
+}
+
+impl Watch {
+    /// Watches in a style; quiet shows nothing.
+    pub fn new(style: ProgressStyle, quiet: bool) -> Self {
+        let visible = !quiet && (style == ProgressStyle::Json || std::io::stderr().is_terminal());
+        let stage = Stage { name: "", total: 0, began: Instant::now(), told: Instant::now(), bar: None };
+        Watch { cancelled: Arc::new(AtomicBool::new(false)), style, visible, stage: Mutex::new(stage) }
+    }
+
+    /// Set when the run should stop.
+    pub fn cancelled_flag(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.cancelled)
+    }
+
+    /// Takes the bar away.
+    pub fn finish(&self) {
+        if let Some(bar) = self.lock().bar.take() {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Stage> {
+        self.stage.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn tell(&self, stage: &Stage, done: u64) {
+        let share = done.min(stage.total) as f64 / stage.total.max(1) as f64;
+        event(&serde_json::json!({"event": "progress", "stage": stage.name, "done": done, "total": stage.total, "fraction": share}));
+    }
+}
+
+impl Progress for Watch {
+    fn begin(&self, name: &'static str, total: u64) {
+        self.finish();
+        let now = Instant::now();
+        *self.lock() = Stage { name, total, began: now, told: now, bar: None };
+        if self.visible && self.style == ProgressStyle::Json {
+            self.tell(&self.lock(), 0);
+        }
+    }
+
+    fn at(&self, done: u64) {
+        if !self.visible {
+            return;
+        }
+        let mut stage = self.lock();
+        match self.style {
+            ProgressStyle::Json => {
+                if stage.told.elapsed() >= BEAT {
+                    stage.told = Instant::now();
+                    self.tell(&stage, done);
+                }
+            }
+            ProgressStyle::Bar => {
+                if stage.bar.is_none() && stage.began.elapsed() >= PATIENCE {
+                    let bar = ProgressBar::with_draw_target(Some(stage.total), ProgressDrawTarget::stderr());
+                    let template = BarStyle::with_template("{msg:>8} {bar:32} {percent:>3} % {eta:>4}");
+                    bar.set_style(template.unwrap_or_else(|_| BarStyle::default_bar()));
+                    bar.set_message(stage.name);
+                    stage.bar = Some(bar);
+                }
+                if let Some(bar) = &stage.bar {
+                    bar.set_position(done);
+                }
+            }
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+}

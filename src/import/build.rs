@@ -1,0 +1,233 @@
+//! The scene as it grows while nodes are visited.
+
+use super::{
+    Became, Finding, ImportOptions, Layout,
+    at::{At, file_error},
+    buffers::Buffers,
+    extras::{self, SceneSpec},
+    json,
+    medium::{self, Filling, MediumSpec},
+    mesh::{self, RawMesh, Summary},
+    walk::{Visit, node_at},
+};
+use crate::{
+    Error, Result,
+    scene::{Medium, Region, Scene, Shape, Surface},
+};
+use glam::DAffine3;
+use rayon::prelude::*;
+use std::{collections::BTreeMap, path::Path};
+
+/// The albedo of a surface whose material gives none.
+const GREY: f64 = 0.8;
+/// The most vertices of surfaces and mesh regions, instances included.
+const MAX_VERTICES: usize = 100_000_000;
+
+/// What is known so far.
+pub(super) struct Builder<'a> {
+    pub file: &'a Path,
+    pub root: &'a json::Root,
+    pub options: &'a ImportOptions,
+    pub buffers: Buffers<'a>,
+    pub scene_spec: SceneSpec,
+    pub scene: Scene,
+    pub findings: Vec<Finding>,
+    pub notes: Vec<String>,
+    /// Names of empty nodes that were metaballs in Blender.
+    pub lost_metaballs: Vec<String>,
+    fillings: Vec<Filling>,
+    summaries: Vec<Option<Result<Summary>>>,
+    last_mesh: Option<(usize, RawMesh)>,
+    materials: Vec<Option<MediumSpec>>,
+    vertices: usize,
+    /// Assumptions that many nodes may share: how many, and the first one's name.
+    tallies: BTreeMap<&'static str, (usize, String)>,
+}
+
+impl<'a> Builder<'a> {
+    pub fn new(file: &'a Path, root: &'a json::Root, options: &'a ImportOptions, buffers: Buffers<'a>) -> Self {
+        Builder {
+            file,
+            root,
+            options,
+            buffers,
+            scene_spec: SceneSpec::default(),
+            scene: Scene::default(),
+            findings: Vec::new(),
+            notes: Vec::new(),
+            lost_metaballs: Vec::new(),
+            fillings: Vec::new(),
+            summaries: Vec::new(),
+            last_mesh: None,
+            materials: vec![None; root.materials.len()],
+            vertices: 0,
+            tallies: BTreeMap::new(),
+        }
+    }
+
+    /// Looks at each mesh once, however many nodes share it, on all cores.
+    pub fn summarise(&mut self, visits: &[Visit]) {
+        let mut first_user = vec![None; self.root.meshes.len()];
+        for visit in visits {
+            let node = self.root.nodes.get(visit.node);
+            if let Some(user) = node.and_then(|node| node.mesh).and_then(|mesh| first_user.get_mut(mesh)) {
+                user.get_or_insert(visit.node);
+            }
+        }
+        let (file, buffers) = (self.file, &self.buffers);
+        let look = |(mesh, user): (usize, &Option<usize>)| {
+            let node = user.and_then(|user| Some((user, buffers.root.nodes.get(user)?)));
+            node.map(|(user, node)| Ok(mesh::summary(&mesh::read(buffers, mesh, node_at(file, user, node))?)))
+        };
+        self.summaries = first_user.par_iter().enumerate().map(look).collect();
+    }
+
+    /// What a mesh is.
+    pub fn summary(&mut self, mesh: usize, at: At) -> Result<Summary> {
+        match self.summaries.get_mut(mesh) {
+            Some(Some(Ok(summary))) => Ok(*summary),
+            // An error ends the import: it is told once.
+            Some(slot @ Some(Err(_))) => slot.take().unwrap_or_else(|| Ok(mesh::summary(&RawMesh::default()))),
+            _ => Ok(mesh::summary(&mesh::read(&self.buffers, mesh, at)?)),
+        }
+    }
+
+    pub fn found(&mut self, node: String, became: Became, why: impl Into<String>) {
+        self.findings.push(Finding { node, became, why: why.into() });
+    }
+
+    /// Counts an assumption; the sentence goes on with the number of nodes and the first one's name.
+    pub fn tally(&mut self, sentence: &'static str, at: At) {
+        self.tallies.entry(sentence).or_insert_with(|| (0, at.name())).0 += 1;
+    }
+
+    /// What a material says about its medium.
+    pub fn material_medium(&mut self, material: Option<usize>, at: At) -> Result<MediumSpec> {
+        let Some(index) = material else { return Ok(MediumSpec::default()) };
+        let material = self.material(index, at)?;
+        if let Some(Some(known)) = self.materials.get(index) {
+            return Ok(*known);
+        }
+        let at = self.material_at(index, material);
+        let spec = extras::spec(material.extras.as_ref(), at, &mut self.notes)?.unwrap_or_default();
+        if spec.shape.is_some() || spec.radius.is_some() || spec.half_height.is_some() {
+            self.notes.push(format!("{at}: shape, radius and half_height mean nothing on a material; they belong on the node."));
+        }
+        if let Some(slot) = self.materials.get_mut(index) {
+            *slot = Some(spec.medium);
+        }
+        Ok(spec.medium)
+    }
+
+    fn material(&self, index: usize, at: At) -> Result<&'a json::Material> {
+        let count = self.root.materials.len();
+        let missing = || at.error("material", index.to_string(), format!("one of the file's {count} materials"), "Export the file again");
+        self.root.materials.get(index).ok_or_else(missing)
+    }
+
+    fn material_at(&self, index: usize, material: &'a json::Material) -> At<'a> {
+        At { file: self.file, kind: "material", index, name: material.name.as_deref() }
+    }
+
+    /// Adds a region; its medium is settled when all are known.
+    pub fn region(&mut self, name: String, shape: Shape, node: &MediumSpec, material: &MediumSpec) {
+        self.fillings.push(Filling::new(&[self.scene_spec.medium, *material, *node]));
+        self.scene.regions.push(Region { name, shape, medium: Medium::grey(0.0, 0.0, 0.0), photons: None });
+    }
+
+    /// The triangles of a mesh, in world space and welded.
+    pub fn solid(&mut self, mesh: usize, world: DAffine3, at: At) -> Result<crate::scene::Mesh> {
+        Ok(mesh::solid(self.raw(mesh, at)?, world))
+    }
+
+    /// Adds a surface for each material of a mesh.
+    pub fn surfaces(&mut self, mesh: usize, world: DAffine3, at: At) -> Result<()> {
+        let raw = self.raw(mesh, at)?;
+        let parts: Vec<_> = raw.parts.iter().filter(|p| !p.triangles.is_empty()).map(|p| (p.material, mesh::part(raw, p, world))).collect();
+        if raw.skipped > 0 {
+            self.tally("Points and lines, which are no surface, were left out of", at);
+        }
+        for (material, mesh) in parts {
+            let albedo = self.albedo(material, at)?;
+            self.scene.surfaces.push(Surface { name: at.name(), mesh, albedo });
+        }
+        Ok(())
+    }
+
+    fn raw(&mut self, mesh: usize, at: At) -> Result<&RawMesh> {
+        if self.last_mesh.as_ref().is_none_or(|(known, _)| *known != mesh) {
+            self.last_mesh = Some((mesh, mesh::read(&self.buffers, mesh, at)?));
+        }
+        let raw = self.last_mesh.get_or_insert_default();
+        self.vertices = self.vertices.saturating_add(raw.1.points.len());
+        if self.vertices > MAX_VERTICES {
+            let reason = format!("its surfaces have more than {MAX_VERTICES} vertices, instances included ({at} is one too many)");
+            return Err(file_error(self.file, reason, "Decimate the meshes, or leave out what light does not need"));
+        }
+        Ok(&raw.1)
+    }
+
+    fn albedo(&mut self, material: Option<usize>, at: At) -> Result<[f64; 3]> {
+        let unsaid = "No base colour is given, and albedo 0.8 was assumed, for";
+        let Some(index) = material else {
+            self.tally(unsaid, at);
+            return Ok([GREY; 3]);
+        };
+        let material = self.material(index, at)?;
+        let pbr = material.pbr_metallic_roughness.as_ref();
+        if pbr.is_some_and(|pbr| pbr.base_color_texture.is_some()) {
+            self.tally("Textures are not read: only the base colour factor counts for", at);
+        }
+        let Some(factor) = pbr.and_then(|pbr| pbr.base_color_factor.as_ref()) else {
+            self.tally(unsaid, at);
+            return Ok([GREY; 3]);
+        };
+        let [r, g, b, _] = super::walk::numbers(factor, "baseColorFactor", self.material_at(index, material))?;
+        Ok([r, g, b].map(|c: f64| c.clamp(0.0, 1.0)))
+    }
+
+    /// Settles the media and closes the account.
+    pub fn finish(mut self, source_hash: String) -> Result<Layout> {
+        if self.scene.regions.is_empty() {
+            return Err(self.nothing_found());
+        }
+        medium::fill(&mut self.scene.regions, &self.fillings, &mut self.notes);
+        for (sentence, (count, first)) in &self.tallies {
+            let others = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
+            self.notes.push(format!("{sentence} {first:?}{others}."));
+        }
+        for name in &self.lost_metaballs {
+            self.notes.push(format!(
+                "Node {name:?} is empty, and has a metaball's name: Blender's glTF exporter drops metaballs and leaves an empty node. \
+                 Export with the cloudvdb add-on, or convert it first (Object > Convert > Mesh)."
+            ));
+        }
+        Ok(Layout { scene: self.scene, findings: self.findings, notes: self.notes, source_hash })
+    }
+
+    fn nothing_found(&self) -> Error {
+        let count = |became: Became| self.findings.iter().filter(|f| f.became == became).count();
+        let ignored: Vec<String> = self.findings.iter().filter(|f| f.became == Became::Ignored).map(|f| format!("{:?}", f.node)).collect();
+        let mut reason = format!(
+            "it holds no region of cloud, only {} surfaces, {} suns, {} cameras and {} ignored nodes",
+            self.findings.iter().filter(|f| f.became == Became::Surface).count(),
+            count(Became::Sun),
+            count(Became::Camera),
+            ignored.len()
+        );
+        if !ignored.is_empty() {
+            let more = if ignored.len() > 5 { ", ..." } else { "" };
+            reason += &format!(" ({}{more})", ignored.iter().take(5).cloned().collect::<Vec<_>>().join(", "));
+        }
+        if let Some(name) = self.lost_metaballs.first() {
+            reason += &format!("; node {name:?} was a metaball in Blender, whose glTF exporter drops metaballs");
+        }
+        if let Some(pattern) = &self.options.regions {
+            reason += &format!("; --regions {pattern:?} picks among sphere-like and closed meshes");
+        }
+        let fix = "A region can be: a sphere-like mesh (UV sphere, icosphere, scaled or not); a node with the custom property \
+                   `cloudvdb`, such as {\"shape\": \"sphere\", \"radius\": 1}; a metaball exported with the cloudvdb add-on, or \
+                   converted (Object > Convert > Mesh); a closed mesh with --mesh-volumes";
+        file_error(self.file, reason, fix)
+    }
+}

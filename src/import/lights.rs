@@ -1,0 +1,60 @@
+//! The sun and the camera.
+
+use super::{at::At, extras::describe, json, walk::Visit};
+use crate::{
+    Result,
+    scene::{Camera, Sun, light::SUN_ANGLE},
+};
+use glam::{DAffine3, DMat3, DVec3};
+
+/// Lumens per watt by which glTF's lux become W m^-2.
+const LUMENS_PER_WATT: f64 = 683.0;
+
+/// The sun out of a directional light: its light travels along the node's -Z.
+pub(super) fn sun(light: &json::Light, visit: &Visit, angle: Option<f64>, at: At) -> Result<Sun> {
+    let fix = "Correct the light in Blender and export again";
+    let intensity = match &light.intensity {
+        None => 1.0,
+        Some(value) => value
+            .as_f64()
+            .filter(|&v| v >= 0.0 && v <= f64::from(f32::MAX))
+            .ok_or_else(|| at.error("light's intensity", describe(value), "a number of lux, not below 0", fix))?,
+    };
+    let colour = match &light.color {
+        None => [1.0; 3],
+        Some(colour) => super::walk::numbers(colour, "light's color", at)?,
+    };
+    if colour.iter().any(|&c| c < 0.0) {
+        return Err(at.error("light's color", format!("{colour:?}"), "three numbers not below 0", fix));
+    }
+    let direction = (visit.world.matrix3 * DVec3::NEG_Z)
+        .try_normalize()
+        .ok_or_else(|| at.error("scale", "zero", "a scale other than 0", "Apply the scale of the light and of its parents"))?;
+    Ok(Sun { direction, irradiance: colour.map(|c| c * intensity / LUMENS_PER_WATT), angular_diameter: angle.unwrap_or(SUN_ANGLE) })
+}
+
+/// A camera out of a perspective camera; its scale is of no matter.
+pub(super) fn camera(lens: &json::Perspective, visit: &Visit, at: At) -> Result<Camera> {
+    let fix = "Correct the camera in Blender and export again";
+    let said = |value: Option<f64>| value.map_or("missing".to_owned(), |v| v.to_string());
+    let positive = |field: &str, value: Option<f64>| match value {
+        Some(v) if !(v > 0.0 && v.is_finite()) => Err(at.error(format!("camera's {field}"), v.to_string(), "a number above 0", fix)),
+        other => Ok(other),
+    };
+    let yfov = lens.yfov.filter(|&v| v > 0.0 && v < std::f64::consts::PI);
+    let yfov = yfov.ok_or_else(|| at.error("camera's yfov", said(lens.yfov), "an angle in radians between 0 and pi", fix))?;
+    let m = visit.world.matrix3;
+    let upright = m.y_axis.try_normalize().zip(m.z_axis.try_normalize()).and_then(|(y, z)| {
+        let x = y.cross(z).try_normalize()?;
+        Some(DMat3::from_cols(x, z.cross(x), z))
+    });
+    let matrix3 =
+        upright.ok_or_else(|| at.error("scale", "zero", "a scale other than 0", "Apply the scale of the camera and of its parents"))?;
+    Ok(Camera {
+        world_from_camera: DAffine3 { matrix3, translation: visit.world.translation },
+        yfov,
+        aspect: positive("aspectRatio", lens.aspect_ratio)?,
+        znear: positive("znear", lens.znear)?.unwrap_or(0.1),
+        zfar: positive("zfar", lens.zfar)?,
+    })
+}
