@@ -1,7 +1,5 @@
 //! Compiles the bridge to OpenVDB (`cpp/`) and links what Debian's libopenvdb needs.
 
-use std::path::Path;
-
 /// A header of each Debian package that OpenVDB's own headers pull in.
 const NEEDED: [(&str, &str); 4] = [
     ("openvdb/openvdb.h", "libopenvdb-dev"),
@@ -36,9 +34,6 @@ fn main() {
     }
     // OpenVDB's headers are slow without optimisation, also in debug builds; their warnings are not ours.
     build.std("c++17").opt_level(2).define("NDEBUG", None).flag_if_supported("-Wno-unused-parameter");
-    for root in roots.iter().map(|root| root.join("Imath")).filter(|dir| Path::exists(dir)) {
-        build.flag(format!("-isystem{}", root.display()));
-    }
     build.compile("cloudvdb_bridge");
     for library in ["openvdb", "tbb", "Imath-3_1"] {
         println!("cargo::rustc-link-lib={library}");

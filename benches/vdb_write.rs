@@ -65,7 +65,7 @@ fn baseline(path: &Path, samples: &[f32], half: bool) {
 
 /// The median seconds of both, taken in turn so that what else the machine does falls on both.
 fn medians(mut a: impl FnMut(), mut b: impl FnMut()) -> (Duration, Duration) {
-    let mut time = |f: &mut dyn FnMut()| {
+    let time = |f: &mut dyn FnMut()| {
         let start = Instant::now();
         f();
         start.elapsed()

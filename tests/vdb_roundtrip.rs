@@ -1,4 +1,5 @@
 //! VDB files: what is written comes back, in this reader and in OpenVDB's own Python module; damaged files are errors.
+#![allow(clippy::unwrap_used)]
 
 use std::fs;
 use std::path::Path;

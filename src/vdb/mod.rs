@@ -1,6 +1,6 @@
 //! OpenVDB files: writing brick grids as fog volumes, and reading float grids back.
 //!
-//! The library is Debian's libopenvdb 10, behind the bridge in [`ffi`]; a brick of a [`BrickGrid`] is a leaf of its trees.
+//! The library is Debian's libopenvdb 10, behind the `cxx` bridge of `ffi`; a brick of a [`BrickGrid`] is a leaf of its trees.
 //! What is read may come from anywhere: sizes in a file are checked before memory is taken or written for them,
 //! and a file that is cut short or damaged is an error.
 
