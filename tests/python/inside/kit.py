@@ -149,3 +149,41 @@ def transmittance(path, views, width, pixels, density, samples=16, step_rate=0.5
         right, up = (lens.matrix_world.to_3x3() @ Vector(v) for v in ((1, 0, 0), (0, 1, 0)))
         images.append((list(right), list(up), render(pixels, pixels, samples, step_rate=step_rate)))
     return found, images
+
+
+def import_balls(path):
+    """Imports glTF, and returns what its spheres are, from their vertices: name, centre, radius, custom properties."""
+    before = set(bpy.data.objects)
+    bpy.ops.import_scene.gltf(filepath=path)
+    bpy.context.view_layer.update()
+    out = []
+    for thing in bpy.data.objects:
+        if thing in before or thing.type != "MESH":
+            continue
+        points = np.empty(3 * len(thing.data.vertices))
+        thing.data.vertices.foreach_get("co", points)
+        points = points.reshape(-1, 3) @ np.array(thing.matrix_world.to_3x3()).T + np.array(thing.matrix_world.translation)
+        # The sphere through the vertices, by least squares about their mean; what is no sphere is left out.
+        middle = points.mean(axis=0)
+        points -= middle
+        fit = np.linalg.lstsq(np.c_[2 * points, np.ones(len(points))], (points ** 2).sum(axis=1), rcond=None)[0]
+        radius = math.sqrt(fit[3] + fit[:3] @ fit[:3])
+        if np.abs(np.linalg.norm(points - fit[:3], axis=1) - radius).max() > 1e-3 * radius:
+            continue
+        medium = dict(thing["cloudvdb"]) if "cloudvdb" in thing else {}
+        for material in thing.data.materials:
+            if material and "cloudvdb" in material:
+                medium = {**dict(material["cloudvdb"]), **medium}
+        out.append({"name": thing.name, "centre": (middle + fit[:3]).tolist(), "radius": radius, "cloudvdb": plain(medium)})
+    return out
+
+
+def plain(value):
+    """Blender's property groups and arrays as dicts and lists."""
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if isinstance(value, dict):
+        return {k: plain(v) for k, v in value.items()}
+    if hasattr(value, "to_list"):
+        return value.to_list()
+    return value
