@@ -185,10 +185,10 @@ def test_unwritable_filesystem(cloudvdb, layout):
 
 @pytest.fixture
 def tiny_disk(tmp_path):
-    """A file system of 64 kB."""
+    """A file system of 8 kB."""
     place = tmp_path / "tiny"
     place.mkdir()
-    if os.geteuid() or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", place], capture_output=True).returncode:
+    if os.geteuid() or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=8k", "tmpfs", place], capture_output=True).returncode:
         pytest.skip("mounting a file system takes root")
     yield place
     subprocess.run(["umount", place], check=True)
@@ -284,10 +284,10 @@ def test_threads_change_nothing(cloudvdb, layout, tmp_path):
 
 
 def differing(a, b):
-    """Where two files differ, the first ten places; OpenVDB gives every file 36 random bytes as its UUID, at 23."""
+    """Where two files differ, the first ten places. Bytes 22 to 57 are a UUID, which OpenVDB alone would draw at random."""
     if len(a) != len(b):
         return [("length", len(a), len(b))]
-    return [i for i, (x, y) in enumerate(zip(a, b)) if x != y and not 23 <= i < 59][:10]
+    return [i for i, (x, y) in enumerate(zip(a, b)) if x != y][:10]
 
 
 def test_the_seed_matters(cloudvdb, layout, tmp_path):
