@@ -86,8 +86,8 @@ def listing(folder):
                   if not p.is_dir())
 
 
-def interrupt(*arguments, after, cwd=None, limit=30.0):
-    """Sends SIGINT `after` seconds from the start. Returns (exit code, seconds from the signal to the end, stderr), or
+def interrupt(*arguments, after, by=signal.SIGINT, cwd=None, limit=30.0):
+    """Sends SIGINT (or another) `after` seconds from the start. Returns (exit code, seconds from the signal to the end, stderr), or
     None if the job was done before."""
     process = subprocess.Popen([str(binary()), *map(str, arguments)], cwd=cwd, env=environment(), stdin=subprocess.DEVNULL,
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
@@ -98,7 +98,7 @@ def interrupt(*arguments, after, cwd=None, limit=30.0):
         except subprocess.TimeoutExpired:
             pass
         begin = time.monotonic()
-        process.send_signal(signal.SIGINT)
+        process.send_signal(by)
         _, err = process.communicate(timeout=limit)
         return process.returncode, time.monotonic() - begin, err.decode()
     finally:

@@ -87,6 +87,9 @@ def metaball_alone():
 def cube():
     bpy.ops.mesh.primitive_cube_add(size=2.0, location=(1, 2, 3)); thing = named("Cube"); thing.rotation_euler = (0.3, 0.2, 0.1); fill(thing)
 
+def cube_by_extras():
+    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(1, 2, 3)); named("Cube")["cloudvdb"] = dict(medium, shape="mesh")
+
 def nothing():
     pass
 
@@ -143,7 +146,7 @@ OPTIONS = {
     "geometry_nodes": {"export_gpu_instances": True, "export_gn_mesh": True},
 }
 makers = [kinds, flat_shaded, turned, ellipsoid, parented, sheared, linked, instances, applied, material, staged, suzanne, metaball,
-          metaball_alone, cube, nothing, sun_only, awkward_names, no_medium, scene_medium, preset, ignored, extras_sphere, gpu, geometry_nodes]
+          metaball_alone, cube, cube_by_extras, nothing, sun_only, awkward_names, no_medium, scene_medium, preset, ignored, extras_sphere, gpu, geometry_nodes]
 for make in makers:
     start(); make()
     export(f"{given['folder']}/{make.__name__}.glb", **OPTIONS.get(make.__name__, {}))
@@ -269,8 +272,9 @@ def test_nothing_to_fill_says_what_a_region_can_be(cloudvdb, written, tmp_path, 
     refuse(written / f"{name}.glb", "-o", tmp_path / "out.vdb", says=[f"{name}.glb", "region", "sphere", "extras"], folder=tmp_path)
 
 
-def test_a_closed_mesh_on_request(cloudvdb, written, tmp_path):
-    report = make(written / "cube.glb", tmp_path, "--density", "source", "--mesh-volumes")
+@pytest.mark.parametrize("name, options", [("cube", ["--mesh-volumes"]), ("cube_by_extras", [])])
+def test_a_closed_mesh_on_request(cloudvdb, written, tmp_path, name, options):
+    report = make(written / f"{name}.glb", tmp_path, "--density", "source", *options)
     assert report.became("region") == ["Cube"]
     assert report.mass_source == pytest.approx(SIGMA * 8.0, rel=2e-3)
     density = vdbinfo.read(tmp_path / "out.vdb")["grids"]["density"]
