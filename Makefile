@@ -82,6 +82,7 @@ test-packages:
 
 # Blender as a module (bpy 4.5) asks for Python 3.11 exactly: Debian 12's own.
 $(VENV)/.stamp: tests/requirements.txt | test-packages
+	@echo 'Python environment for the tests: $(VENV)'
 	python=
 	for candidate in /usr/bin/python3 python3.11; do
 		if "$$candidate" -c 'import sys, venv; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then python=$$candidate; break; fi
