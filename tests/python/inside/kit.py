@@ -166,6 +166,8 @@ def import_balls(path):
         # The sphere through the vertices, by least squares about their mean; what is no sphere is left out.
         middle = points.mean(axis=0)
         points -= middle
+        if np.linalg.svd(points, compute_uv=False)[2] < 1e-3 * np.abs(points).max():
+            continue  # flat: the corners of a ground lie on spheres too
         fit = np.linalg.lstsq(np.c_[2 * points, np.ones(len(points))], (points ** 2).sum(axis=1), rcond=None)[0]
         radius = math.sqrt(fit[3] + fit[:3] @ fit[:3])
         if np.abs(np.linalg.norm(points - fit[:3], axis=1) - radius).max() > 1e-3 * radius:
