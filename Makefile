@@ -1,0 +1,93 @@
+# cloudvdb's chores. Every target is safe to repeat; the second run installs, downloads and builds nothing again.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+# rustup's cargo, also where the shell's profile has not been read.
+export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
+
+BUILD_PACKAGES := g++ make pkg-config ca-certificates libopenvdb-dev libboost-dev libimath-dev libtbb-dev
+# OpenVDB's own Python module is the tests' independent reader; the libraries are those that Blender as a module loads.
+TEST_PACKAGES := python3 python3-venv python3-numpy python3-openvdb \
+	libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1 libegl1
+
+VENV := .venv
+PYTEST = $(VENV)/bin/python -m pytest tests/python
+
+# $(call need,PACKAGES): installs what is missing, or says exactly what to type, and stops.
+define need
+if ! command -v dpkg-query >/dev/null; then
+	echo "note: not a Debian; the equivalents of these packages are needed: $(strip $(1))" >&2
+else
+	missing=()
+	for package in $(1); do
+		status=$$(dpkg-query -W -f='$${db:Status-Status}' "$$package" 2>/dev/null || true)
+		[[ $$status == installed* ]] || missing+=("$$package")
+	done
+	if (( $${#missing[@]} )); then
+		root=(env)
+		if (( EUID )); then
+			if sudo -n true 2>/dev/null; then root=(sudo env); else
+				echo "Missing packages. Install them, then repeat:  sudo apt-get install -y $${missing[*]}" >&2; exit 1
+			fi
+		fi
+		"$${root[@]}" DEBIAN_FRONTEND=noninteractive apt-get update -qq </dev/null
+		"$${root[@]}" DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$${missing[@]}" </dev/null
+	fi
+fi
+endef
+.ONESHELL:
+
+.PHONY: help demo build test bench scenes crosscheck lint clean build-packages test-packages rust
+
+help: ## This list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */  make \1\t/' | expand -t 20
+
+demo: build ## A cumulus from the layout in scenes/, as out/cumulus.vdb and out/cumulus.json
+	mkdir -p out
+	target/release/cloudvdb scenes/cumulus.gltf -o out/cumulus.vdb -o out/cumulus.json --overwrite
+
+build: build-packages rust ## The command, target/release/cloudvdb
+	cargo build --release
+
+test: build test-packages $(VENV)/.stamp ## All tests: Rust's, then those that use Blender and OpenVDB from Python
+	cargo test --release
+	$(PYTEST)
+
+bench: build ## Criterion's benchmarks
+	cargo bench
+
+scenes: test-packages $(VENV)/.stamp ## Writes the scenes again, with Blender
+	$(VENV)/bin/python -I scenes/make_scenes.py
+
+crosscheck: build test-packages $(VENV)/.stamp ## The longer comparisons with Cycles
+	$(PYTEST) -m long
+
+lint: build-packages rust ## Formatting and clippy
+	cargo fmt --check
+	cargo clippy --release --all-targets -- -D warnings
+
+clean: ## Removes what was built and written (not .venv)
+	rm -rf target out
+
+rust:
+	@command -v cargo >/dev/null || { echo "Rust is missing. Install it from https://rustup.rs, then repeat." >&2; exit 1; }
+
+build-packages:
+	@$(call need,$(BUILD_PACKAGES))
+
+test-packages:
+	@$(call need,$(TEST_PACKAGES))
+
+# Blender as a module (bpy 4.5) asks for Python 3.11 exactly: Debian 12's own.
+$(VENV)/.stamp: tests/requirements.txt | test-packages
+	@echo 'Python environment for the tests: $(VENV)'
+	python=
+	for candidate in /usr/bin/python3 python3.11; do
+		if "$$candidate" -c 'import sys, venv; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then python=$$candidate; break; fi
+	done
+	[[ $$python ]] || { echo "Python 3.11 is missing (bpy 4.5 asks for it). Put python3.11 on the PATH, then repeat." >&2; exit 1; }
+	"$$python" -m venv --clear $(VENV)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r tests/requirements.txt
+	touch $@
