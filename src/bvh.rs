@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use smallvec::SmallVec;
+use std::ops::Range;
 
 /// A box in single precision.
 #[derive(Debug, Clone, Copy)]
@@ -57,22 +58,21 @@ pub struct Bvh {
     items: Vec<u32>,
 }
 
-const LEAF: usize = 2;
-
 impl Bvh {
-    /// Builds the hierarchy over the items that have a box, by median splits along the longest axis of the centres.
-    pub fn new(boxes: &[Option<Box3>]) -> Self {
+    /// Builds the hierarchy over the items that have a box, by median splits along the longest axis of the centres, down to
+    /// leaves of at most `leaf` items.
+    pub fn new(boxes: &[Option<Box3>], leaf: usize) -> Self {
         let items: Vec<u32> = (0..boxes.len() as u32).filter(|&i| boxes[i as usize].is_some()).collect();
         let nowhere = Box3 { min: Vec3::ZERO, max: Vec3::ZERO };
         let boxes: Vec<Box3> = boxes.iter().map(|b| b.unwrap_or(nowhere)).collect();
         let mut bvh = Bvh { nodes: Vec::with_capacity(items.len()), items };
         if !bvh.items.is_empty() {
-            bvh.build(&boxes, 0, bvh.items.len());
+            bvh.build(&boxes, 0, bvh.items.len(), leaf);
         }
         bvh
     }
 
-    fn build(&mut self, boxes: &[Box3], from: usize, to: usize) {
+    fn build(&mut self, boxes: &[Box3], from: usize, to: usize, leaf: usize) {
         let all = |f: fn(Vec3, Vec3) -> Vec3, start: Vec3, of: fn(&Box3) -> Vec3, items: &[u32]| {
             items.iter().fold(start, |a, &i| f(a, of(&boxes[i as usize])))
         };
@@ -80,7 +80,7 @@ impl Bvh {
         let bounds = items.iter().map(|&i| boxes[i as usize]).reduce(Box3::union).unwrap_or(Box3 { min: Vec3::ZERO, max: Vec3::ZERO });
         let node = self.nodes.len();
         self.nodes.push(Node { bounds, index: from as u32, count: (to - from) as u32 });
-        if to - from <= LEAF {
+        if to - from <= leaf {
             return;
         }
         let centre = |b: &Box3| b.min * 0.5 + b.max * 0.5;
@@ -90,20 +90,31 @@ impl Bvh {
         self.items[from..to].select_nth_unstable_by(middle, |&a, &b| {
             centre(&boxes[a as usize])[axis].total_cmp(&centre(&boxes[b as usize])[axis]).then(a.cmp(&b))
         });
-        self.build(boxes, from, from + middle);
+        self.build(boxes, from, from + middle, leaf);
         self.nodes[node].index = self.nodes.len() as u32;
         self.nodes[node].count = 0;
-        self.build(boxes, from + middle, to);
+        self.build(boxes, from + middle, to, leaf);
     }
 
-    /// Calls `visit(item, t_max)` for every item whose box the ray may meet within [0, t_max]. `visit` may shrink `t_max`.
+    /// All items, leaf by leaf.
+    pub fn items(&self) -> &[u32] {
+        &self.items
+    }
+
+    /// Calls `visit(item, t_max)` for every item whose leaf's box the ray may meet within [0, t_max]. `visit` may shrink `t_max`.
     #[inline]
-    pub fn traverse(&self, origin: Vec3, direction: Vec3, mut t_max: f32, mut visit: impl FnMut(u32, &mut f32)) {
+    pub fn traverse(&self, origin: Vec3, direction: Vec3, t_max: f32, mut visit: impl FnMut(u32, &mut f32)) {
+        self.leaves(origin, direction, t_max, |range, t_max| self.items[range].iter().for_each(|&item| visit(item, t_max)));
+    }
+
+    /// Calls `visit(range of items(), t_max)` for every leaf whose box the ray may meet within [0, t_max].
+    #[inline]
+    pub fn leaves(&self, origin: Vec3, direction: Vec3, mut t_max: f32, mut visit: impl FnMut(Range<usize>, &mut f32)) {
         if self.nodes.is_empty() {
             return;
         }
         let inv = direction.recip();
-        let mut stack: SmallVec<[u32; 64]> = SmallVec::new();
+        let mut stack: SmallVec<[u32; 32]> = SmallVec::new();
         let mut current = 0u32;
         loop {
             let node = &self.nodes[current as usize];
@@ -113,9 +124,7 @@ impl Bvh {
                     current += 1;
                     continue;
                 }
-                for &item in &self.items[node.index as usize..(node.index + node.count) as usize] {
-                    visit(item, &mut t_max);
-                }
+                visit(node.index as usize..(node.index + node.count) as usize, &mut t_max);
             }
             match stack.pop() {
                 Some(next) => current = next,

@@ -8,6 +8,7 @@ use crate::bvh::{Box3, Bvh};
 use crate::geom::Ray;
 use crate::scene::{Region, Shape};
 use crate::trimesh::TriMesh;
+use balls::Balls;
 use glam::{DVec3, Mat3, Vec3};
 use smallvec::SmallVec;
 
@@ -24,9 +25,16 @@ pub struct Optics {
 
 #[derive(Debug, Clone)]
 enum Solid {
-    Sphere { centre: Vec3, radius: f32 },
-    Ellipsoid { unit_from_world: Mat3, centre: Vec3 },
-    Slab { bottom: f32, top: f32 },
+    /// One of [`Balls`].
+    Ball,
+    Ellipsoid {
+        unit_from_world: Mat3,
+        centre: Vec3,
+    },
+    Slab {
+        bottom: f32,
+        top: f32,
+    },
     Mesh(TriMesh),
 }
 
@@ -65,7 +73,9 @@ pub enum Flight {
 pub struct Media {
     solids: Vec<Solid>,
     optics: Vec<Optics>,
-    bvh: Bvh,
+    balls: Balls,
+    /// Over everything else that has bounds.
+    others: Bvh,
     /// Slabs have no bounds: every ray looks at them.
     unbounded: Vec<u32>,
 }
@@ -73,11 +83,16 @@ pub struct Media {
 impl Media {
     /// Compiles the regions, relative to `origin` (world space).
     pub fn new(regions: &[Region], origin: DVec3) -> Self {
-        let solids: Vec<Solid> = regions.iter().map(|r| compile(&r.shape, origin)).collect();
-        let unbounded = (0..regions.len() as u32).filter(|&i| matches!(solids[i as usize], Solid::Slab { .. })).collect();
-        let bounded = |r: &Region| (!matches!(r.shape, Shape::Slab { .. })).then(|| Box3::around(r.shape.bounds(), origin));
+        let mut balls = Vec::new();
+        let solids: Vec<Solid> = regions.iter().enumerate().map(|(i, r)| compile(i as u32, &r.shape, origin, &mut balls)).collect();
+        let of = |kind: fn(&Solid) -> bool| (0..regions.len() as u32).filter(|&i| kind(&solids[i as usize])).collect::<Vec<u32>>();
+        let unbounded = of(|s| matches!(s, Solid::Slab { .. }));
+        let bounded = |i: usize| {
+            matches!(solids[i], Solid::Ellipsoid { .. } | Solid::Mesh(_)).then(|| Box3::around(regions[i].shape.bounds(), origin))
+        };
         Media {
-            bvh: Bvh::new(&regions.iter().map(bounded).collect::<Vec<_>>()),
+            balls: Balls::new(&balls, regions, origin),
+            others: Bvh::new(&(0..regions.len()).map(bounded).collect::<Vec<_>>(), 2),
             solids,
             optics: regions.iter().map(|r| Optics { sigma_t: r.medium.sigma_t(), albedo: r.medium.albedo(), g: r.medium.g }).collect(),
             unbounded,
@@ -131,12 +146,9 @@ impl Media {
                 }
             };
             match &self.solids[region as usize] {
-                Solid::Sphere { centre, radius } => {
-                    let (enter, exit) = ray_ball(ray.origin - *centre, ray.direction, *radius);
-                    keep(enter, exit);
-                }
+                Solid::Ball => {}
                 Solid::Ellipsoid { unit_from_world, centre } => {
-                    let (enter, exit) = ray_ball(*unit_from_world * (ray.origin - *centre), *unit_from_world * ray.direction, 1.0);
+                    let (enter, exit) = ray_unit_ball(*unit_from_world * (ray.origin - *centre), *unit_from_world * ray.direction);
                     keep(enter, exit);
                 }
                 Solid::Slab { bottom, top } => {
@@ -147,7 +159,8 @@ impl Media {
             }
         };
         self.unbounded.iter().for_each(|&region| one(region));
-        self.bvh.traverse(ray.origin, ray.direction, t_max, |region, _| one(region));
+        self.others.traverse(ray.origin, ray.direction, t_max, |region, _| one(region));
+        self.balls.intervals(ray, t_max, intervals);
     }
 
     /// The region of a collision at `distance`, in proportion to extinction.
@@ -179,14 +192,53 @@ impl Media {
     }
 }
 
+/// With at most so many intervals, looking for the next end is faster than sorting all.
+const FEW: usize = 12;
+
 /// The distance at which the intervals have used up `tau`, if that is before `t_max`.
 fn spend(scratch: &mut Scratch, optics: &[Optics], t_max: f32, tau: f64) -> Option<f32> {
-    if let [only] = scratch.intervals[..] {
-        // By far the commonest case: one region, nothing to sort.
-        let enter = only.enter.max(0.0);
-        let distance = f64::from(enter) + tau / optics[only.region as usize].sigma_t;
-        return (distance < f64::from(only.exit.min(t_max))).then_some(distance as f32);
+    match scratch.intervals.len() {
+        0 => None,
+        1 => {
+            let only = scratch.intervals[0];
+            let enter = only.enter.max(0.0);
+            let distance = f64::from(enter) + tau / optics[only.region as usize].sigma_t;
+            (distance < f64::from(only.exit.min(t_max))).then_some(distance as f32)
+        }
+        n if n <= FEW => spend_few(&scratch.intervals, optics, t_max, tau),
+        _ => spend_sorted(scratch, optics, t_max, tau),
     }
+}
+
+/// From end to end, each time the nearest that is left.
+fn spend_few(intervals: &[Interval], optics: &[Optics], t_max: f32, tau: f64) -> Option<f32> {
+    let (mut at, mut left) = (0.0f32, tau);
+    while at < t_max {
+        let (mut next, mut sigma) = (t_max, 0.0);
+        for interval in intervals {
+            if interval.enter > at {
+                next = next.min(interval.enter);
+            } else if interval.exit > at {
+                next = next.min(interval.exit);
+                sigma += optics[interval.region as usize].sigma_t;
+            }
+        }
+        let length = f64::from(next) - f64::from(at);
+        if left < sigma * length {
+            return Some((f64::from(at) + left / sigma) as f32);
+        }
+        if next >= t_max {
+            return None;
+        }
+        // Outside all media an infinite length costs nothing; 0 x inf would be NaN.
+        left -= if sigma > 0.0 { sigma * length } else { 0.0 };
+        at = next;
+    }
+    None
+}
+
+/// By sorting all ends: for crowds.
+fn spend_sorted(scratch: &mut Scratch, optics: &[Optics], t_max: f32, tau: f64) -> Option<f32> {
     let ends = &mut scratch.ends;
     ends.clear();
     for interval in &scratch.intervals {
@@ -217,23 +269,23 @@ fn spend(scratch: &mut Scratch, optics: &[Optics], t_max: f32, tau: f64) -> Opti
     None
 }
 
-/// Where the line `o + t d` is inside the ball of radius `r` around zero; NaN or enter > exit where it is not.
+/// Where the line `o + t d` is inside the unit ball around zero; NaN or enter > exit where it is not. `d` of any length.
 ///
-/// The discriminant as 4 a (r + |v|)(r - |v|), v the foot of the perpendicular: the textbook form loses hits far away
+/// The discriminant as 4 a (1 + |v|)(1 - |v|), v the foot of the perpendicular: the textbook form loses hits far away
 /// (Haines et al. 2019, Precision improvements for ray/sphere intersection).
 #[inline]
-fn ray_ball(o: Vec3, d: Vec3, r: f32) -> (f32, f32) {
+fn ray_unit_ball(o: Vec3, d: Vec3) -> (f32, f32) {
     let a = d.length_squared();
     let half_b = o.dot(d);
     let v = (o - d * (half_b / a)).length();
-    let discriminant = a * (r + v) * (r - v);
+    let discriminant = a * (1.0 + v) * (1.0 - v);
     if discriminant < 0.0 {
         return (f32::NAN, f32::NAN);
     }
     let q = -(half_b + discriminant.sqrt().copysign(half_b));
     let c = {
         let l = o.length();
-        (l + r) * (l - r)
+        (l + 1.0) * (l - 1.0)
     };
     let (t0, t1) = (q / a, c / q);
     (t0.min(t1), t0.max(t1))
@@ -248,7 +300,7 @@ fn ray_slab(z: f32, dz: f32, bottom: f32, top: f32) -> (f32, f32) {
     (a.min(b), a.max(b))
 }
 
-fn compile(shape: &Shape, origin: DVec3) -> Solid {
+fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(u32, f32)>) -> Solid {
     match shape {
         Shape::Ellipsoid { world_from_unit } => {
             let m = world_from_unit.matrix3;
@@ -259,7 +311,8 @@ fn compile(shape: &Shape, origin: DVec3) -> Solid {
                 (axes[i].length() - radius).abs() <= 1e-9 * radius && axes[i].dot(axes[(i + 1) % 3]).abs() <= 1e-9 * radius * radius
             });
             if round {
-                Solid::Sphere { centre, radius: radius as f32 }
+                balls.push((index, radius as f32));
+                Solid::Ball
             } else {
                 Solid::Ellipsoid { unit_from_world: m.inverse().as_mat3(), centre }
             }
@@ -272,5 +325,6 @@ fn compile(shape: &Shape, origin: DVec3) -> Solid {
     }
 }
 
+mod balls;
 #[cfg(test)]
 mod tests;

@@ -196,7 +196,7 @@ fn overlapping(regions: &[Region]) -> usize {
     }
     let origin = regions.first().map_or(glam::DVec3::ZERO, |r| r.shape.centre());
     let boxes: Vec<Box3> = regions.iter().map(|r| Box3::around(r.shape.bounds(), origin)).collect();
-    let bvh = Bvh::new(&boxes.iter().copied().map(Some).collect::<Vec<_>>());
+    let bvh = Bvh::new(&boxes.iter().copied().map(Some).collect::<Vec<_>>(), 2);
     (0..boxes.len())
         .filter(|&i| {
             let mut met = false;

@@ -41,7 +41,7 @@ impl TriMesh {
         }
         let around = |t: &[DVec3; 3]| Box3::around(t.iter().fold(Bounds::EMPTY, |b, &v| b.include(v)), DVec3::ZERO);
         let boxes: Vec<Option<Box3>> = all.triangles.iter().map(|t| Some(around(t))).collect();
-        all.bvh = Bvh::new(&boxes);
+        all.bvh = Bvh::new(&boxes, 2);
         all
     }
 
@@ -52,9 +52,11 @@ impl TriMesh {
 
     /// The nearest triangle in (0, t_max).
     pub fn nearest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
-        let shear = Shear::new(ray);
+        // Most rays meet no box: the shear is made for the first that does.
+        let mut shear = None;
         let mut best: Option<(f64, u32)> = None;
         self.bvh.traverse(ray.origin, ray.direction, t_max, |i, t_max| {
+            let shear = shear.get_or_insert_with(|| Shear::new(ray));
             if let Some((t, _)) = shear.hit(&self.triangles[i as usize])
                 && t > 0.0
                 && t < f64::from(*t_max)

@@ -48,6 +48,8 @@ pub(super) struct Silhouette {
     upstream: f32,
     /// How far upstream lies everything, surfaces included.
     far: f32,
+    /// Whether any surface lies upstream of a region, and may shade it.
+    shaded: bool,
     /// Photons that start outside the silhouette to bounce off surfaces.
     skirt: Option<Skirt>,
 }
@@ -118,7 +120,7 @@ impl Silhouette {
         };
         let plane = self.u * p.x + self.v * p.y;
         let mut origin = plane - direction * upstream;
-        if aside.is_none() && surfaces.nearest(&Ray { origin, direction: -direction }, f32::INFINITY).is_some() {
+        if self.shaded && aside.is_none() && surfaces.nearest(&Ray { origin, direction: -direction }, f32::INFINITY).is_some() {
             origin = plane - direction * self.far;
         }
         Start { ray: Ray { origin, direction }, power: irradiance * area }
@@ -185,6 +187,10 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
     }
     let cells: Vec<u32> = (0..mask.len() as u32).filter(|&i| mask[i as usize]).collect();
     let far = reach(everything);
+    let height = |p: DVec3| (p - origin).dot(-scene.sun.direction);
+    // Turned by the sun's disc, a vertex at the far end rises by at most the disc's share of its distance.
+    let tilt = f64::from(sin_alpha * far);
+    let shaded = scene.surfaces.iter().flat_map(|s| &s.mesh.vertices).any(|&v| height(v) + tilt > -f64::from(upstream));
     let skirt = (bounces && !scene.surfaces.is_empty()).then(|| {
         let (centre, radius) = ((corner + far_corner) * 0.5, (far_corner - corner).length() * 0.5);
         let corners = (0..8).map(|i| {
@@ -199,7 +205,7 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
         let (inner, area) = (std::f32::consts::TAU * radius * radius, cells.len() as f32 * cell * cell);
         Skirt { centre, radius, probability: f64::from(inner / (inner + area)), min: min - grow, max: max + grow }
     });
-    Silhouette { u, v, corner, cell, width, mask, cells, upstream, far, skirt }
+    Silhouette { u, v, corner, cell, width, mask, cells, upstream, far, shaded, skirt }
 }
 
 /// A shape's shadow on the plane: centre, half extents, and whether it is an ellipse along the axes of the plane (else a rectangle).
