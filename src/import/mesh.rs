@@ -50,7 +50,6 @@ pub(super) struct Summary {
     pub reach: f64,
     /// The material of its first primitive.
     pub material: Option<usize>,
-    pub vertices: usize,
 }
 
 /// Positions beyond this are damage, not design: squares of them must stay finite.
@@ -126,7 +125,7 @@ pub(super) fn summary(raw: &RawMesh) -> Summary {
     let centre = bounds.centre();
     let reach = used.map(|p| p.distance_squared(centre)).fold(0.0, f64::max).sqrt();
     let form = if raw.triangles.is_empty() { Form::Nothing(raw.skipped) } else { form(&weld(&raw.points, &raw.triangles)) };
-    Summary { form, bounds, reach, material: raw.parts.first().and_then(|part| part.material), vertices: raw.points.len() }
+    Summary { form, bounds, reach, material: raw.parts.first().and_then(|part| part.material) }
 }
 
 fn form(mesh: &Welded) -> Form {
