@@ -473,7 +473,7 @@ fn accessors_out_of_bounds() {
     refused(&spoil(&|j| j["accessors"][0]["byteOffset"] = json!(u64::MAX)), &["node \"Ball\"", "out of bounds"]);
     refused(&spoil(&|j| j["accessors"][0]["type"] = json!("VEC2")), &["node \"Ball\"", "VEC3"]);
     refused(&spoil(&|j| j["accessors"][0]["componentType"] = json!(1)), &["node \"Ball\"", "component type 1"]);
-    refused(&spoil(&|j| j["bufferViews"][0]["byteLength"] = json!(1 << 40)), &["node \"Ball\"", "buffer view 0, out of bounds"]);
+    refused(&spoil(&|j| j["bufferViews"][0]["byteLength"] = json!(1_u64 << 40)), &["node \"Ball\"", "buffer view 0, out of bounds"]);
     refused(&spoil(&|j| j["bufferViews"][0]["byteStride"] = json!(4)), &["node \"Ball\"", "stride"]);
     refused(&spoil(&|j| j["bufferViews"][0]["buffer"] = json!(7)), &["node \"Ball\"", "buffer is 7"]);
     refused(&spoil(&|j| j["accessors"][1]["componentType"] = json!(5126)), &["node \"Ball\"", "indices"]);
