@@ -37,7 +37,7 @@ fn scatter(points: &[DVec3]) -> Option<(DVec3, DMat3)> {
     let covariance = points.iter().fold(DMat3::ZERO, |sum, &p| sum + outer(p - centre)) * (1.0 / n);
     let (q, lambda) = linear::eigen(covariance);
     let largest = lambda.max_element();
-    if !(lambda.min_element() > 1e-10 * largest) {
+    if lambda.min_element() <= 1e-10 * largest {
         return None;
     }
     Some((centre, q * DMat3::from_diagonal(DVec3::new(lambda.x.sqrt(), lambda.y.sqrt(), lambda.z.sqrt()))))

@@ -131,7 +131,7 @@ pub(super) fn summary(raw: &RawMesh) -> Summary {
 fn form(mesh: &Welded) -> Form {
     let bounds = mesh.points.iter().fold(Bounds::EMPTY, |b, &p| b.include(p));
     let size = bounds.size();
-    if mesh.triangles.is_empty() || !(mesh.signed_volume().abs() > 1e-6 * size.max_element() * size.max_element() * size.min_element()) {
+    if mesh.triangles.is_empty() || mesh.signed_volume().abs() <= 1e-6 * size.max_element() * size.max_element() * size.min_element() {
         return Form::Flat;
     }
     match mesh.open_edges() {
