@@ -208,13 +208,15 @@ impl<'a> Builder<'a> {
     fn nothing_found(&self) -> Error {
         let count = |became: Became| self.findings.iter().filter(|f| f.became == became).count();
         let ignored: Vec<String> = self.findings.iter().filter(|f| f.became == Became::Ignored).map(|f| format!("{:?}", f.node)).collect();
-        let mut reason = format!(
-            "it holds no region of cloud, only {} surfaces, {} suns, {} cameras and {} ignored nodes",
-            self.findings.iter().filter(|f| f.became == Became::Surface).count(),
-            count(Became::Sun),
-            count(Became::Camera),
-            ignored.len()
-        );
+        let kinds = [(Became::Surface, "surface"), (Became::Sun, "sun"), (Became::Camera, "camera"), (Became::Ignored, "ignored node")];
+        let plural = |(became, word)| match count(became) {
+            0 => None,
+            1 => Some(format!("1 {word}")),
+            n => Some(format!("{n} {word}s")),
+        };
+        let instead: Vec<String> = kinds.into_iter().filter_map(plural).collect();
+        let instead = if instead.is_empty() { "nothing else either".into() } else { format!("only {}", instead.join(", ")) };
+        let mut reason = format!("it holds no region of cloud, {instead}");
         if !ignored.is_empty() {
             let more = if ignored.len() > 5 { ", ..." } else { "" };
             reason += &format!(" ({}{more})", ignored.iter().take(5).cloned().collect::<Vec<_>>().join(", "));

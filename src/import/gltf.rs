@@ -7,7 +7,7 @@ use super::{
     build::Builder,
     container::Document,
     extras::{self, ShapeKind, Spec},
-    instances, json, lights,
+    instances, json,
     mesh::Form,
     metaballs, region,
     walk::{self, Visit, node_at},
@@ -240,39 +240,6 @@ impl<'a> Builder<'a> {
         let of = family.name.map_or(String::new(), |name| format!(" of the family {name:?}"));
         let why = format!("metaballs{of}: {} elements, read as spheres of their visible radius", family.balls.len());
         self.found(at.name(), Became::Region, why);
-        Ok(())
-    }
-
-    fn light(&mut self, visit: &Visit, index: usize, at: At) -> Result<()> {
-        let lights = self.root.extensions.as_ref().and_then(|e| e.lights.as_ref()).map_or(&[][..], |l| &l.lights);
-        let light = lights.get(index).ok_or_else(|| {
-            at.error("light", index.to_string(), format!("one of the file's {} lights", lights.len()), "Export the file again")
-        })?;
-        let seen = self.findings.iter().find(|f| f.became == Became::Sun).map(|f| f.node.clone());
-        match (light.kind.as_str(), seen) {
-            ("directional", None) => {
-                self.scene.sun = lights::sun(light, visit, self.scene_spec.sun_angle, at)?;
-                self.found(at.name(), Became::Sun, "the first directional light");
-            }
-            ("directional", Some(first)) => self.found(at.name(), Became::Ignored, format!("a second sun: {first:?} is the sun")),
-            (kind, _) => self.found(at.name(), Became::Ignored, format!("a {kind} light: only a sun (directional light) shines for now")),
-        }
-        Ok(())
-    }
-
-    fn camera(&mut self, visit: &Visit, index: usize, at: At) -> Result<()> {
-        let cameras = &self.root.cameras;
-        let camera = cameras.get(index).ok_or_else(|| {
-            at.error("camera", index.to_string(), format!("one of the file's {} cameras", cameras.len()), "Export the file again")
-        })?;
-        match &camera.perspective {
-            None => self.found(at.name(), Became::Ignored, "an orthographic camera: only perspective cameras are read"),
-            Some(_) if self.scene.camera.is_some() => self.found(at.name(), Became::Ignored, "not the first camera"),
-            Some(lens) => {
-                self.scene.camera = Some(lights::camera(lens, visit, at)?);
-                self.found(at.name(), Became::Camera, "the first perspective camera");
-            }
-        }
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! The sun and the camera.
 
-use super::{at::At, extras::describe, json, walk::Visit};
+use super::{Became, at::At, build::Builder, extras::describe, json, walk::Visit};
 use crate::{
     Result,
     scene::{Camera, Sun, light::SUN_ANGLE},
@@ -10,8 +10,45 @@ use glam::{DAffine3, DMat3, DVec3};
 /// Lumens per watt by which glTF's lux become W m^-2.
 const LUMENS_PER_WATT: f64 = 683.0;
 
+impl Builder<'_> {
+    /// Takes a node's light: the first directional one is the sun.
+    pub fn light(&mut self, visit: &Visit, index: usize, at: At) -> Result<()> {
+        let lights = self.root.extensions.as_ref().and_then(|e| e.lights.as_ref()).map_or(&[][..], |l| &l.lights);
+        let light = lights.get(index).ok_or_else(|| {
+            at.error("light", index.to_string(), format!("one of the file's {} lights", lights.len()), "Export the file again")
+        })?;
+        let seen = self.findings.iter().find(|f| f.became == Became::Sun).map(|f| f.node.clone());
+        match (light.kind.as_str(), seen) {
+            ("directional", None) => {
+                self.scene.sun = sun(light, visit, self.scene_spec.sun_angle, at)?;
+                self.found(at.name(), Became::Sun, "the first directional light");
+            }
+            ("directional", Some(first)) => self.found(at.name(), Became::Ignored, format!("a second sun: {first:?} is the sun")),
+            (kind, _) => self.found(at.name(), Became::Ignored, format!("a {kind} light: only a sun (directional light) shines for now")),
+        }
+        Ok(())
+    }
+
+    /// Takes a node's camera: the first perspective one.
+    pub fn camera(&mut self, visit: &Visit, index: usize, at: At) -> Result<()> {
+        let cameras = &self.root.cameras;
+        let camera = cameras.get(index).ok_or_else(|| {
+            at.error("camera", index.to_string(), format!("one of the file's {} cameras", cameras.len()), "Export the file again")
+        })?;
+        match &camera.perspective {
+            None => self.found(at.name(), Became::Ignored, "an orthographic camera: only perspective cameras are read"),
+            Some(_) if self.scene.camera.is_some() => self.found(at.name(), Became::Ignored, "not the first camera"),
+            Some(optics) => {
+                self.scene.camera = Some(lens(optics, visit, at)?);
+                self.found(at.name(), Became::Camera, "the first perspective camera");
+            }
+        }
+        Ok(())
+    }
+}
+
 /// The sun out of a directional light: its light travels along the node's -Z.
-pub(super) fn sun(light: &json::Light, visit: &Visit, angle: Option<f64>, at: At) -> Result<Sun> {
+fn sun(light: &json::Light, visit: &Visit, angle: Option<f64>, at: At) -> Result<Sun> {
     let fix = "Correct the light in Blender and export again";
     let intensity = match &light.intensity {
         None => 1.0,
@@ -34,7 +71,7 @@ pub(super) fn sun(light: &json::Light, visit: &Visit, angle: Option<f64>, at: At
 }
 
 /// A camera out of a perspective camera; its scale is of no matter.
-pub(super) fn camera(lens: &json::Perspective, visit: &Visit, at: At) -> Result<Camera> {
+fn lens(lens: &json::Perspective, visit: &Visit, at: At) -> Result<Camera> {
     let fix = "Correct the camera in Blender and export again";
     let said = |value: Option<f64>| value.map_or("missing".to_owned(), |v| v.to_string());
     let positive = |field: &str, value: Option<f64>| match value {

@@ -7,7 +7,7 @@ pub(super) fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Op
     let largest = (0..N).map(|i| a[i][i]).fold(0.0, f64::max);
     for j in 0..N {
         let pivot = a[j][j] - (0..j).map(|k| a[j][k] * a[j][k]).sum::<f64>();
-        if !(pivot > 1e-9 * largest) {
+        if pivot.is_nan() || pivot <= 1e-9 * largest {
             return None;
         }
         a[j][j] = pivot.sqrt();
@@ -31,7 +31,7 @@ pub(super) fn eigen(m: DMat3) -> (DMat3, DVec3) {
     for sweep in 0..48 {
         let (i, j) = [(0, 1), (0, 2), (1, 2)][sweep % 3];
         let off = a.col(j)[i];
-        if !(off.abs() > 1e-15 * scale) {
+        if off.abs() <= 1e-15 * scale {
             continue;
         }
         let theta = 0.5 * (2.0 * off).atan2(a.col(i)[i] - a.col(j)[j]);

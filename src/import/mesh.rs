@@ -50,7 +50,6 @@ pub(super) struct Summary {
     pub reach: f64,
     /// The material of its first primitive.
     pub material: Option<usize>,
-    pub vertices: usize,
 }
 
 /// Positions beyond this are damage, not design: squares of them must stay finite.
@@ -126,13 +125,13 @@ pub(super) fn summary(raw: &RawMesh) -> Summary {
     let centre = bounds.centre();
     let reach = used.map(|p| p.distance_squared(centre)).fold(0.0, f64::max).sqrt();
     let form = if raw.triangles.is_empty() { Form::Nothing(raw.skipped) } else { form(&weld(&raw.points, &raw.triangles)) };
-    Summary { form, bounds, reach, material: raw.parts.first().and_then(|part| part.material), vertices: raw.points.len() }
+    Summary { form, bounds, reach, material: raw.parts.first().and_then(|part| part.material) }
 }
 
 fn form(mesh: &Welded) -> Form {
     let bounds = mesh.points.iter().fold(Bounds::EMPTY, |b, &p| b.include(p));
     let size = bounds.size();
-    if mesh.triangles.is_empty() || !(mesh.signed_volume().abs() > 1e-6 * size.max_element() * size.max_element() * size.min_element()) {
+    if mesh.triangles.is_empty() || mesh.signed_volume().abs() <= 1e-6 * size.max_element() * size.max_element() * size.min_element() {
         return Form::Flat;
     }
     match mesh.open_edges() {

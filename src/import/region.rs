@@ -16,7 +16,7 @@ pub(super) fn check_zero(world: &DAffine3, at: At) -> Result<()> {
     let m = world.matrix3;
     let axes = DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length());
     let (least, most) = (axes.min_element(), axes.max_element());
-    let flat = !(m.determinant().abs() > 1e-12 * axes.element_product());
+    let flat = m.determinant().abs() <= 1e-12 * axes.element_product();
     if least <= 1e-9 * most || most <= 1e-12 || flat {
         let found = format!("zero along an axis (in the world: {}, {} and {})", axes.x, axes.y, axes.z);
         return Err(at.error(

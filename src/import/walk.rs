@@ -19,8 +19,11 @@ pub(super) struct Visit {
 const Z_UP: DAffine3 =
     DAffine3 { matrix3: DMat3::from_cols_array(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0]), translation: DVec3::ZERO };
 
+/// The scene that is shown and its number, where the file has scenes.
+type Shown<'a> = Option<(usize, &'a json::Scene)>;
+
 /// The scene that is shown, and its roots: the default scene's, else the first one's, else all nodes below no other.
-pub(super) fn roots<'a>(file: &Path, root: &'a json::Root) -> Result<(Option<(usize, &'a json::Scene)>, Vec<usize>)> {
+pub(super) fn roots<'a>(file: &Path, root: &'a json::Root) -> Result<(Shown<'a>, Vec<usize>)> {
     let index = root.scene.unwrap_or(0);
     match root.scenes.get(index) {
         Some(scene) => Ok((Some((index, scene)), scene.nodes.clone())),

@@ -81,12 +81,28 @@ pub(super) fn weld(points: &[DVec3], triangles: &[[u32; 3]]) -> Welded {
 impl Welded {
     /// The number of edges that are not shared by exactly two triangles; zero in a closed mesh.
     pub fn open_edges(&self) -> usize {
-        let mut edges: Vec<u64> = Vec::with_capacity(self.triangles.len() * 3);
-        for &[a, b, c] in &self.triangles {
-            edges.extend([(a, b), (b, c), (c, a)].map(|(a, b)| (u64::from(a.min(b)) << 32) | u64::from(a.max(b))));
+        // Edges in buckets by their lower vertex: a few in each.
+        let edges = || self.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).map(|(a, b)| (a.min(b) as usize, a.max(b)));
+        let mut ends = vec![0_usize; self.points.len() + 1];
+        edges().for_each(|(low, _)| ends[low + 1] += 1);
+        for i in 1..ends.len() {
+            ends[i] += ends[i - 1];
         }
-        edges.sort_unstable();
-        edges.chunk_by(|a, b| a == b).filter(|edge| edge.len() != 2).count()
+        let mut highs = vec![0_u32; self.triangles.len() * 3];
+        for (low, high) in edges() {
+            highs[ends[low]] = high;
+            ends[low] += 1;
+        }
+        // Each end has now become its bucket's: the next one's start.
+        let mut start = 0;
+        let mut open = 0;
+        for &end in ends.iter().take(self.points.len()) {
+            let bucket = &mut highs[start..end];
+            bucket.sort_unstable();
+            open += bucket.chunk_by(|a, b| a == b).filter(|edge| edge.len() != 2).count();
+            start = end;
+        }
+        open
     }
 
     /// The corners of a triangle.
