@@ -30,16 +30,24 @@ impl Box3 {
         Box3 { min: self.min.min(o.min), max: self.max.max(o.max) }
     }
 
-    /// Whether the ray (by its origin and the reciprocal of its direction) meets the box within [0, t_max].
+    /// Whether the ray (by its origin and the reciprocal of its direction, finite) meets the box within [0, t_max].
     #[inline]
     fn hit(&self, origin: Vec3, inv: Vec3, t_max: f32) -> bool {
-        // 0 * inf is NaN where the origin lies on a slab's plane: `f32::min`/`max` drop it, which keeps the box.
         let (a, b) = ((self.min - origin) * inv, (self.max - origin) * inv);
-        let enter = a.x.min(b.x).max(a.y.min(b.y)).max(a.z.min(b.z)).max(0.0);
-        let exit = a.x.max(b.x).min(a.y.max(b.y)).min(a.z.max(b.z)).min(t_max);
+        // Plain comparisons are single instructions; nothing here is NaN.
+        let low = |x: f32, y: f32| if x < y { x } else { y };
+        let high = |x: f32, y: f32| if x > y { x } else { y };
+        let enter = high(high(low(a.x, b.x), low(a.y, b.y)), high(low(a.z, b.z), 0.0));
+        let exit = low(low(high(a.x, b.x), high(a.y, b.y)), low(high(a.z, b.z), t_max));
         // Robust bound (Ize 2013): the exit distance may be two roundings short.
         enter <= exit * (1.0 + 4.0 * f32::EPSILON)
     }
+}
+
+/// The reciprocal of a direction, with axes that it does not move along at 1e30 and not at infinity, whose product with 0 is NaN.
+fn finite_reciprocal(direction: Vec3) -> Vec3 {
+    let one = |d: f32| if d.abs() < 1e-30 { 1e30f32.copysign(d) } else { 1.0 / d };
+    Vec3::new(one(direction.x), one(direction.y), one(direction.z))
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -113,7 +121,7 @@ impl Bvh {
         if self.nodes.is_empty() {
             return;
         }
-        let inv = direction.recip();
+        let inv = finite_reciprocal(direction);
         let mut stack: SmallVec<[u32; 32]> = SmallVec::new();
         let mut current = 0u32;
         loop {

@@ -63,6 +63,8 @@ pub enum Flight {
         distance: f32,
         /// The region that the photon collided in, chosen in proportion to extinction where regions overlap.
         region: u32,
+        /// Extinction of all regions there, 1/m.
+        sigma_t: f64,
     },
     /// Out of all media, or at the end of the stretch that was asked for.
     Passed,
@@ -111,7 +113,7 @@ impl Media {
     /// that extinction lets it, and farther only when the ray leaves earlier. `pick` in [0, 1) chooses the region where
     /// several overlap.
     pub fn fly(&self, ray: &Ray, t_max: f32, tau: f64, hint: f64, pick: impl FnOnce() -> f64, scratch: &mut Scratch) -> Flight {
-        let near = (tau / hint * 1.000_001) as f32;
+        let near = (tau / hint * 2.0) as f32;
         let mut spent = None;
         if near < t_max {
             self.intervals(ray, near, scratch);
@@ -122,7 +124,7 @@ impl Media {
             spent = spend(scratch, &self.optics, t_max, tau);
         }
         match spent {
-            Some(distance) => Flight::Collision { distance, region: self.choose(distance, pick, scratch) },
+            Some(distance) => self.collision(distance, pick, scratch),
             None => Flight::Passed,
         }
     }
@@ -163,32 +165,20 @@ impl Media {
         self.balls.intervals(ray, t_max, intervals);
     }
 
-    /// The region of a collision at `distance`, in proportion to extinction.
-    fn choose(&self, distance: f32, pick: impl FnOnce() -> f64, scratch: &Scratch) -> u32 {
+    /// The collision at `distance`, its region in proportion to extinction.
+    fn collision(&self, distance: f32, pick: impl FnOnce() -> f64, scratch: &Scratch) -> Flight {
         let here = || scratch.intervals.iter().filter(|i| i.enter <= distance && distance <= i.exit);
-        let mut alone = here();
-        match (alone.next(), alone.next()) {
-            (Some(only), None) => return only.region,
-            (None, _) => return scratch.intervals.first().map_or(0, |i| i.region),
-            _ => {}
-        }
-        let total: f64 = here().map(|i| self.optics(i.region).sigma_t).sum();
-        let mut left = pick() * total;
-        let mut last = 0;
+        let (count, sigma_t) = here().fold((0, 0.0), |(n, sum), i| (n + 1, sum + self.optics(i.region).sigma_t));
+        let mut left = if count > 1 { pick() * sigma_t } else { 0.0 };
+        let mut region = scratch.intervals.first().map_or(0, |i| i.region);
         for interval in here() {
-            last = interval.region;
-            left -= self.optics(last).sigma_t;
+            region = interval.region;
+            left -= self.optics(region).sigma_t;
             if left < 0.0 {
                 break;
             }
         }
-        last
-    }
-
-    /// Whether the ray, taken as a whole line forward from its origin, meets any region.
-    pub fn meets(&self, ray: &Ray, scratch: &mut Scratch) -> bool {
-        self.intervals(ray, f32::INFINITY, scratch);
-        !scratch.intervals.is_empty()
+        Flight::Collision { distance, region, sigma_t }
     }
 }
 

@@ -6,8 +6,9 @@ use crate::geom::Ray;
 use crate::scene::Region;
 use glam::DVec3;
 use smallvec::SmallVec;
+use wide::{CmpGt, CmpLt, f32x8};
 
-/// Spheres that one step of the inner loop looks at; the compiler turns each line of it into vector instructions.
+/// Spheres that one step of the inner loop looks at.
 const LANES: usize = 8;
 
 /// Spheres in the order of a hierarchy's leaves, coordinate by coordinate.
@@ -49,26 +50,28 @@ impl Balls {
     #[inline]
     pub(super) fn intervals(&self, ray: &Ray, t_max: f32, out: &mut SmallVec<[Interval; 32]>) {
         let (o, d) = (ray.origin, ray.direction);
+        let (dx, dy, dz) = (f32x8::splat(d.x), f32x8::splat(d.y), f32x8::splat(d.z));
         self.bvh.leaves(o, d, t_max, |range, _| {
-            let lanes = |column: &[f32]| -> [f32; LANES] { column[range.start..range.start + LANES].try_into().unwrap_or([0.0; LANES]) };
-            let (x, y, z, r) = (lanes(&self.x), lanes(&self.y), lanes(&self.z), lanes(&self.radius));
-            let (mut enter, mut exit) = ([0.0f32; LANES], [0.0f32; LANES]);
-            for i in 0..LANES {
-                let (ox, oy, oz) = (o.x - x[i], o.y - y[i], o.z - z[i]);
-                let half_b = ox * d.x + oy * d.y + oz * d.z;
-                let (vx, vy, vz) = (ox - d.x * half_b, oy - d.y * half_b, oz - d.z * half_b);
-                let v = (vx * vx + vy * vy + vz * vz).sqrt();
-                let l = (ox * ox + oy * oy + oz * oz).sqrt();
-                // NaN where the line misses: it fails every comparison below.
-                let root = ((r[i] + v) * (r[i] - v)).sqrt();
-                let q = -(half_b + root.copysign(half_b));
-                let other = (l + r[i]) * (l - r[i]) / q;
-                (enter[i], exit[i]) = if q < other { (q, other) } else { (other, q) };
-            }
-            for i in 0..range.len() {
-                if enter[i] < exit[i] && exit[i] > 0.0 && enter[i] < t_max {
-                    out.push(Interval { enter: enter[i], exit: exit[i], region: self.region[range.start + i] });
-                }
+            let lanes = |column: &[f32]| f32x8::from(<[f32; LANES]>::try_from(&column[range.start..range.start + LANES]).unwrap_or([0.0; LANES]));
+            let (ox, oy, oz) = (f32x8::splat(o.x) - lanes(&self.x), f32x8::splat(o.y) - lanes(&self.y), f32x8::splat(o.z) - lanes(&self.z));
+            let r = lanes(&self.radius);
+            let half_b = ox * dx + oy * dy + oz * dz;
+            let (vx, vy, vz) = (ox - dx * half_b, oy - dy * half_b, oz - dz * half_b);
+            let v = (vx * vx + vy * vy + vz * vz).sqrt();
+            let l = (ox * ox + oy * oy + oz * oz).sqrt();
+            // NaN where the line misses: it fails every comparison below.
+            let root = ((r + v) * (r - v)).sqrt();
+            let negative = half_b.simd_lt(f32x8::ZERO);
+            let q = negative.select(root - half_b, -half_b - root);
+            let other = (l + r) * (l - r) / q;
+            let (enter, exit) = (negative.select(other, q), negative.select(q, other));
+            let met = enter.simd_lt(exit) & exit.simd_gt(f32x8::ZERO) & enter.simd_lt(f32x8::splat(t_max));
+            let mut left = met.to_bitmask() & ((1u32 << range.len()) - 1);
+            let (enter, exit) = (enter.to_array(), exit.to_array());
+            while left != 0 {
+                let i = left.trailing_zeros() as usize;
+                left &= left - 1;
+                out.push(Interval { enter: enter[i], exit: exit[i], region: self.region[range.start + i] });
             }
         });
     }

@@ -98,7 +98,7 @@ fn flights_end_where_the_optical_depth_is_spent_whatever_the_hint() {
         assert_eq!(flight, media.fly(&ray, f32::INFINITY, tau, 1e9, || 0.5, &mut scratch));
         let whole = media.optical_depth(&ray, f32::INFINITY, &mut scratch);
         match flight {
-            Flight::Collision { distance, region } => {
+            Flight::Collision { distance, region, .. } => {
                 collided += 1;
                 let spent = media.optical_depth(&ray, distance, &mut scratch);
                 assert!((spent - tau).abs() < 1e-4 * (1.0 + tau), "{spent} of {tau}");
@@ -134,7 +134,7 @@ fn overlapping_spheres_equal_one_sphere_of_summed_extinction() {
             one.fly(&ray, f32::INFINITY, tau, 0.0, || pick, &mut scratch),
             three.fly(&ray, f32::INFINITY, tau, 0.0, || pick, &mut scratch),
         ) {
-            (Flight::Collision { distance: a, .. }, Flight::Collision { distance: b, region }) => {
+            (Flight::Collision { distance: a, .. }, Flight::Collision { distance: b, region, .. }) => {
                 assert!((a - b).abs() < 1e-5);
                 counts[region as usize] += 1;
             }
@@ -162,7 +162,7 @@ fn slabs_and_spheres_share_their_light_path() {
     assert!((media.optical_depth(&down, f32::INFINITY, &mut scratch) - 7.0).abs() < 1e-5);
     let level = Ray { origin: Vec3::new(0.0, 0.0, 0.9), direction: Vec3::X };
     let flight = media.fly(&level, f32::INFINITY, 10.0, 0.0, || 0.0, &mut scratch);
-    assert_eq!(flight, Flight::Collision { distance: 5.0, region: 0 });
+    assert_eq!(flight, Flight::Collision { distance: 5.0, region: 0, sigma_t: 2.0 });
 }
 
 #[test]

@@ -38,7 +38,8 @@ pub struct Photon {
 pub fn pack_direction(d: Vec3) -> u32 {
     let d = d / (d.x.abs() + d.y.abs() + d.z.abs());
     let fold = |a: f32, b: f32| if d.z >= 0.0 { a } else { (1.0 - b.abs()) * 1f32.copysign(a) };
-    let quantise = |x: f32| ((x * 32767.0).round() as i32 as u32) & 0xffff;
+    // Rounds by truncating above zero: `round` is a function call on plain x86-64.
+    let quantise = |x: f32| (((x + 1.0) * 32767.0 + 0.5) as i32 - 32767) as u32 & 0xffff;
     quantise(fold(d.x, d.y)) | quantise(fold(d.y, d.x)) << 16
 }
 

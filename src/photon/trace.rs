@@ -222,7 +222,7 @@ impl Tracer {
                 (bounced, hint) = (true, 0.0);
                 continue;
             }
-            let Flight::Collision { distance, region } = flight else {
+            let Flight::Collision { distance, region, sigma_t } = flight else {
                 return batch.end(Fate::Escaped, power);
             };
             let optics = self.media.optics(region);
@@ -253,7 +253,7 @@ impl Tracer {
             }
             let (cos, sin) = R::scatter(optics.g, rng.uniform());
             ray = Ray { origin: p, direction: around(ray.direction, cos as f32, sin as f32, rng.uniform_f32()) };
-            hint = optics.sigma_t;
+            hint = sigma_t;
         }
     }
 
