@@ -9,6 +9,7 @@ use crate::geom::Ray;
 use crate::scene::{Region, Shape};
 use crate::trimesh::TriMesh;
 use balls::Balls;
+use cells::Cells;
 use glam::{DVec3, Mat3, Vec3};
 use smallvec::SmallVec;
 
@@ -76,6 +77,8 @@ pub struct Media {
     solids: Vec<Solid>,
     optics: Vec<Optics>,
     balls: Balls,
+    /// Short cuts among spheres; empty where there are other shapes too.
+    cells: Cells,
     /// Over everything else that has bounds.
     others: Bvh,
     /// Slabs have no bounds: every ray looks at them.
@@ -92,11 +95,14 @@ impl Media {
         let bounded = |i: usize| {
             matches!(solids[i], Solid::Ellipsoid { .. } | Solid::Mesh(_)).then(|| Box3::around(regions[i].shape.bounds(), origin))
         };
+        let optics: Vec<Optics> =
+            regions.iter().map(|r| Optics { sigma_t: r.medium.sigma_t(), albedo: r.medium.albedo(), g: r.medium.g }).collect();
         Media {
-            balls: Balls::new(&balls, regions, origin),
+            cells: if balls.len() == regions.len() && !balls.is_empty() { Cells::new(&balls, &optics) } else { Cells::default() },
+            balls: Balls::new(&balls),
             others: Bvh::new(&(0..regions.len()).map(bounded).collect::<Vec<_>>(), 2),
             solids,
-            optics: regions.iter().map(|r| Optics { sigma_t: r.medium.sigma_t(), albedo: r.medium.albedo(), g: r.medium.g }).collect(),
+            optics,
             unbounded,
         }
     }
@@ -113,18 +119,25 @@ impl Media {
     /// that extinction lets it, and farther only when the ray leaves earlier. `pick` in [0, 1) chooses the region where
     /// several overlap.
     pub fn fly(&self, ray: &Ray, t_max: f32, tau: f64, hint: f64, pick: impl FnOnce() -> f64, scratch: &mut Scratch) -> Flight {
-        let near = (tau / hint * 2.0) as f32;
-        let mut spent = None;
-        if near < t_max {
-            self.intervals(ray, near, scratch);
-            spent = spend(scratch, &self.optics, near, tau);
+        if let Some(near) = self.cells.near(ray.origin) {
+            let reach = self.cells.margin.min(t_max);
+            scratch.intervals.clear();
+            near.intervals(ray, reach, &mut scratch.intervals);
+            if let Some(distance) = spend(scratch, &self.optics, near.sigma_t, reach, tau) {
+                return self.collision(distance, near.full, pick, scratch);
+            }
         }
-        if spent.is_none() {
-            self.intervals(ray, t_max, scratch);
-            spent = spend(scratch, &self.optics, t_max, tau);
+        let reach = (tau / hint * 2.0) as f32;
+        if self.cells.is_empty() && reach < t_max {
+            // Twice as far as the extinction here would need: it may fall along the way.
+            self.intervals(ray, reach, scratch);
+            if let Some(distance) = spend(scratch, &self.optics, 0.0, reach, tau) {
+                return self.collision(distance, &[], pick, scratch);
+            }
         }
-        match spent {
-            Some(distance) => self.collision(distance, pick, scratch),
+        self.intervals(ray, t_max, scratch);
+        match spend(scratch, &self.optics, 0.0, t_max, tau) {
+            Some(distance) => self.collision(distance, &[], pick, scratch),
             None => Flight::Passed,
         }
     }
@@ -165,46 +178,47 @@ impl Media {
         self.balls.intervals(ray, t_max, intervals);
     }
 
-    /// The collision at `distance`, its region in proportion to extinction.
-    fn collision(&self, distance: f32, pick: impl FnOnce() -> f64, scratch: &Scratch) -> Flight {
-        let here = || scratch.intervals.iter().filter(|i| i.enter <= distance && distance <= i.exit);
-        let (count, sigma_t) = here().fold((0, 0.0), |(n, sum), i| (n + 1, sum + self.optics(i.region).sigma_t));
+    /// The collision at `distance`, its region in proportion to extinction among `full` and the intervals that hold it.
+    fn collision(&self, distance: f32, full: &[u32], pick: impl FnOnce() -> f64, scratch: &Scratch) -> Flight {
+        let here = || {
+            let partial = scratch.intervals.iter().filter(|i| i.enter <= distance && distance <= i.exit).map(|i| i.region);
+            full.iter().copied().chain(partial)
+        };
+        let (count, sigma_t) = here().fold((0, 0.0), |(n, sum), region| (n + 1, sum + self.optics(region).sigma_t));
         let mut left = if count > 1 { pick() * sigma_t } else { 0.0 };
-        let mut region = scratch.intervals.first().map_or(0, |i| i.region);
-        for interval in here() {
-            region = interval.region;
+        let mut chosen = scratch.intervals.first().map_or(0, |i| i.region);
+        for region in here() {
+            chosen = region;
             left -= self.optics(region).sigma_t;
             if left < 0.0 {
                 break;
             }
         }
-        Flight::Collision { distance, region, sigma_t }
+        Flight::Collision { distance, region: chosen, sigma_t }
     }
 }
 
 /// With at most so many intervals, looking for the next end is faster than sorting all.
 const FEW: usize = 12;
 
-/// The distance at which the intervals have used up `tau`, if that is before `t_max`.
-fn spend(scratch: &mut Scratch, optics: &[Optics], t_max: f32, tau: f64) -> Option<f32> {
-    match scratch.intervals.len() {
-        0 => None,
-        1 => {
-            let only = scratch.intervals[0];
-            let enter = only.enter.max(0.0);
-            let distance = f64::from(enter) + tau / optics[only.region as usize].sigma_t;
-            (distance < f64::from(only.exit.min(t_max))).then_some(distance as f32)
-        }
-        n if n <= FEW => spend_few(&scratch.intervals, optics, t_max, tau),
-        _ => spend_sorted(scratch, optics, t_max, tau),
+/// The distance at which the intervals, and `base` extinction all along, have used up `tau`, if that is before `t_max`.
+fn spend(scratch: &mut Scratch, optics: &[Optics], base: f64, t_max: f32, tau: f64) -> Option<f32> {
+    if scratch.intervals.is_empty() {
+        let distance = tau / base;
+        return (distance < f64::from(t_max)).then_some(distance as f32);
+    }
+    if scratch.intervals.len() <= FEW {
+        spend_few(&scratch.intervals, optics, base, t_max, tau)
+    } else {
+        spend_sorted(scratch, optics, base, t_max, tau)
     }
 }
 
 /// From end to end, each time the nearest that is left.
-fn spend_few(intervals: &[Interval], optics: &[Optics], t_max: f32, tau: f64) -> Option<f32> {
+fn spend_few(intervals: &[Interval], optics: &[Optics], base: f64, t_max: f32, tau: f64) -> Option<f32> {
     let (mut at, mut left) = (0.0f32, tau);
     while at < t_max {
-        let (mut next, mut sigma) = (t_max, 0.0);
+        let (mut next, mut sigma) = (t_max, base);
         for interval in intervals {
             if interval.enter > at {
                 next = next.min(interval.enter);
@@ -228,7 +242,7 @@ fn spend_few(intervals: &[Interval], optics: &[Optics], t_max: f32, tau: f64) ->
 }
 
 /// By sorting all ends: for crowds.
-fn spend_sorted(scratch: &mut Scratch, optics: &[Optics], t_max: f32, tau: f64) -> Option<f32> {
+fn spend_sorted(scratch: &mut Scratch, optics: &[Optics], base: f64, t_max: f32, tau: f64) -> Option<f32> {
     let ends = &mut scratch.ends;
     ends.clear();
     for interval in &scratch.intervals {
@@ -238,10 +252,11 @@ fn spend_sorted(scratch: &mut Scratch, optics: &[Optics], t_max: f32, tau: f64) 
     }
     // Exits first where ends coincide (their sign is negative), so that touching regions never count twice.
     ends.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let (mut at, mut sigma, mut inside, mut left) = (0.0f32, 0.0f64, 0u32, tau);
+    ends.push((t_max, 0.0));
+    let (mut at, mut sigma, mut inside, mut left) = (0.0f32, base, 0u32, tau);
     for &(t, change) in ends.iter() {
         let to = t.min(t_max);
-        if inside > 0 && sigma > 0.0 {
+        if sigma > 0.0 {
             let length = f64::from(to) - f64::from(at);
             if left < sigma * length {
                 return Some((f64::from(at) + left / sigma) as f32);
@@ -252,9 +267,9 @@ fn spend_sorted(scratch: &mut Scratch, optics: &[Optics], t_max: f32, tau: f64) 
             return None;
         }
         at = t;
-        // f32 sums in f64 are exact over 29 binary orders; outside all regions the sum is zero by definition.
+        // f32 sums in f64 are exact over 29 binary orders; outside all intervals the sum is `base` by definition.
         inside = if change.is_sign_positive() { inside + 1 } else { inside - 1 };
-        sigma = if inside == 0 { 0.0 } else { sigma + f64::from(change) };
+        sigma = if inside == 0 { base } else { sigma + f64::from(change) };
     }
     None
 }
@@ -290,7 +305,7 @@ fn ray_slab(z: f32, dz: f32, bottom: f32, top: f32) -> (f32, f32) {
     (a.min(b), a.max(b))
 }
 
-fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(u32, f32)>) -> Solid {
+fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(Vec3, f32, u32)>) -> Solid {
     match shape {
         Shape::Ellipsoid { world_from_unit } => {
             let m = world_from_unit.matrix3;
@@ -301,7 +316,7 @@ fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(u32, f32)>
                 (axes[i].length() - radius).abs() <= 1e-9 * radius && axes[i].dot(axes[(i + 1) % 3]).abs() <= 1e-9 * radius * radius
             });
             if round {
-                balls.push((index, radius as f32));
+                balls.push((centre, radius as f32, index));
                 Solid::Ball
             } else {
                 Solid::Ellipsoid { unit_from_world: m.inverse().as_mat3(), centre }
@@ -316,5 +331,6 @@ fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(u32, f32)>
 }
 
 mod balls;
+mod cells;
 #[cfg(test)]
 mod tests;
