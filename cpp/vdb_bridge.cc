@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include <tbb/global_control.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -115,6 +116,11 @@ struct Draft::Inside {
 
 Draft::Draft() : inside_(std::make_unique<Inside>()) {}
 Draft::~Draft() = default;
+
+void limit_threads(std::size_t threads) {
+    static std::unique_ptr<tbb::global_control> limit;
+    limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
+}
 
 std::unique_ptr<Draft> new_draft() {
     initialize();

@@ -56,6 +56,9 @@ class Bricks {
 };
 
 std::unique_ptr<Draft> new_draft();
+
+// Keeps OpenVDB's own threads to so many, from now on.
+void limit_threads(std::size_t threads);
 Found scan(rust::Slice<const std::uint8_t> path);
 std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEntry &grid, std::uint64_t max_voxels);
 std::uint64_t count_active(rust::Slice<const std::uint8_t> path, const GridEntry &grid);

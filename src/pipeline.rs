@@ -101,6 +101,13 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     if formats.contains(&Format::Vdb) {
         let voxels = Voxels::new(&layout.scene, &written, &job.vdb, progress)?;
         clock.end("voxels");
+        if voxels.coarsened {
+            let note = format!(
+                "voxels are {} m, coarser than a third of the smallest region's half extent, to stay within --max-voxels {}",
+                voxels.voxel_size, job.vdb.max_voxels
+            );
+            report.notes.push(note);
+        }
         report.vdb = Some(Grids {
             density_scale: voxels.density_scale,
             voxel_size: voxels.voxel_size,

@@ -398,3 +398,19 @@ vdb.write(path, [b])"#;
         assert!(read_all(&path).is_err(), "{length} bytes of {}", whole.len());
     }
 }
+
+#[test]
+fn equal_grids_make_equal_files() {
+    let folder = dir();
+    let bricks = ball(scaled(0.1), 4, 0);
+    let grid = GridOut { name: "density", bricks: &bricks, half: true, metadata: &[] };
+    let files: Vec<Vec<u8>> = ["a.vdb", "b.vdb"]
+        .map(|name| {
+            write(&folder.path().join(name), &[grid], &[]).unwrap();
+            std::fs::read(folder.path().join(name)).unwrap()
+        })
+        .to_vec();
+    assert_eq!(files[0], files[1]);
+    let uuid = std::str::from_utf8(&files[0][21..57]).unwrap();
+    assert!(uuid.chars().enumerate().all(|(i, c)| if [8, 13, 18, 23].contains(&i) { c == '-' } else { c.is_ascii_hexdigit() }), "{uuid}");
+}

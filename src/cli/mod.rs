@@ -42,6 +42,7 @@ fn run(run: &Run) -> Result<(), Error> {
     if let Some(threads) = run.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
         pool.map_err(|e| Error::Usage(format!("--threads {threads}: {e}")))?;
+        crate::vdb::limit_threads(threads);
     }
     let watch = Watch::new(run.progress, run.quiet);
     signals::watch(watch.cancelled_flag(), run.progress)?;

@@ -49,6 +49,8 @@ mod bridge {
     unsafe extern "C++" {
         include!("cloudvdb/cpp/vdb_bridge.h");
 
+        fn limit_threads(threads: usize) -> Result<()>;
+
         type Draft;
         fn new_draft() -> Result<UniquePtr<Draft>>;
         fn add(

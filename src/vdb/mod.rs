@@ -6,9 +6,12 @@
 
 mod ffi;
 
+use std::fs::OpenOptions;
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3};
+use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
 use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS, BrickGrid};
@@ -83,13 +86,46 @@ pub fn write(path: &Path, grids: &[GridOut], metadata: &[(String, Meta)]) -> Res
         draft.pin_mut().add(grid.name, grid.half, &matrix, origins, &grid.bricks.values, &entries(grid.metadata)).map_err(vdb)?;
     }
     match draft.save(path.as_os_str().as_encoded_bytes(), &entries(metadata)).map_err(vdb)? {
-        0 => Ok(()),
-        code => Err(Error::Write {
-            target: path.into(),
-            reason: std::io::Error::from_raw_os_error(code).to_string(),
-            fix: "Name a directory that exists, can be written and has room".into(),
-        }),
+        0 => stamp(path).map_err(|e| unwritable(path, &e)),
+        code => Err(unwritable(path, &std::io::Error::from_raw_os_error(code))),
     }
+}
+
+fn unwritable(path: &Path, error: &std::io::Error) -> Error {
+    Error::Write { target: path.into(), reason: error.to_string(), fix: "Name a directory that exists, can be written and has room".into() }
+}
+
+/// Keeps OpenVDB's own threads to so many, from now on.
+pub fn limit_threads(threads: usize) {
+    // Only memory could be wanting, and then OpenVDB uses all cores.
+    let _ = ffi::limit_threads(threads);
+}
+
+/// Where the file's UUID stands in its header, 36 bytes of text: behind the magic number, two versions and a flag.
+const UUID_AT: usize = 21;
+
+/// Replaces the UUID, which OpenVDB draws at random, by one made of the content: equal grids make equal files.
+fn stamp(path: &Path) -> std::io::Result<()> {
+    let mut file = OpenOptions::new().read(true).write(true).open(path)?;
+    if !file.metadata()?.is_file() {
+        return Ok(());
+    }
+    let (mut hash, mut block, mut at) = (Sha256::new(), vec![0u8; 1 << 16], 0usize);
+    loop {
+        let read = file.read(&mut block)?;
+        if read == 0 {
+            break;
+        }
+        // The header lies whole within the first block.
+        let from = if at == 0 { (UUID_AT + 36).min(read) } else { 0 };
+        hash.update(&block[from..read]);
+        at += read;
+    }
+    let digits: String = hash.finalize()[..16].iter().map(|b| format!("{b:02x}")).collect();
+    // Version 8 of RFC 9562: bits of the maker's own choosing.
+    let uuid = format!("{}-{}-8{}-a{}-{}", &digits[..8], &digits[8..12], &digits[13..16], &digits[17..20], &digits[20..]);
+    file.seek(SeekFrom::Start(UUID_AT as u64))?;
+    file.write_all(uuid.as_bytes())
 }
 
 /// What is wrong with a grid, and the fix.

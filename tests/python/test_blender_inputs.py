@@ -33,7 +33,9 @@ def turned():
 
 def ellipsoid():
     thing = uv("Ball", at=(1, 2, 3)); thing.scale = (1.0, 2.0, 0.5); thing.rotation_euler = (0.3, 0.4, 0.5); fill(thing)
-    mirrored = ico("Mirrored", at=(-3, 0, 0)); mirrored.scale = (-1.0, 1.0, 1.5); fill(mirrored)
+
+def mirrored():
+    thing = ico("Mirrored", at=(-3, 0, 0)); thing.scale = (-1.0, 1.0, 1.5); fill(thing)
 
 def parented():
     parent = link("Parent", location=(5, 0, 0), scale=(2, 2, 2), rotation_euler=(0, 0, math.pi / 2))
@@ -145,7 +147,7 @@ OPTIONS = {
     "gpu": {"export_gpu_instances": True},
     "geometry_nodes": {"export_gpu_instances": True, "export_gn_mesh": True},
 }
-makers = [kinds, flat_shaded, turned, ellipsoid, parented, sheared, linked, instances, applied, material, staged, suzanne, metaball,
+makers = [kinds, flat_shaded, turned, ellipsoid, mirrored, parented, sheared, linked, instances, applied, material, staged, suzanne, metaball,
           metaball_alone, cube, cube_by_extras, nothing, sun_only, awkward_names, no_medium, scene_medium, preset, ignored, extras_sphere, gpu, geometry_nodes]
 for make in makers:
     start(); make()
@@ -192,7 +194,7 @@ SHAPES = {
     "kinds": [(BALL, (-2, 0, 1)), (BALL, (2, 0.5, 1))],
     "flat_shaded": [(BALL * 0.7 ** 3, (1, 2, 3)), (BALL * 0.5 ** 3, (-1, 2, 3))],
     "turned": [(BALL * 8, (1, 2, 3))],
-    "ellipsoid": [(BALL, (1, 2, 3)), (BALL * 1.5, (-3, 0, 0))],
+    "ellipsoid": [(BALL, (1, 2, 3))],
     "parented": [(BALL, (5, 2, 0))],
     "sheared": [(BALL, (0, 0, 0))],
     "linked": [(BALL * 0.6 ** 3, (0, 0, 0)), (BALL * 0.6 ** 3, (2, 0, 0)), (BALL * 1.2 ** 3, (4, 0, 0))],
@@ -267,9 +269,13 @@ def test_draco_is_refused(cloudvdb, written, tmp_path):
     refuse(written / "draco.glb", "-o", tmp_path / "out.vdb", says=["draco.glb", "draco", "compress"], folder=tmp_path)
 
 
+def test_a_mirrored_region_is_refused(cloudvdb, written, tmp_path):
+    refuse(written / "mirrored.glb", "-o", tmp_path / "out.vdb", says=["mirrored.glb", "Mirrored", "Apply the scale"], folder=tmp_path)
+
+
 @pytest.mark.parametrize("name", ["nothing", "sun_only"])
 def test_nothing_to_fill_says_what_a_region_can_be(cloudvdb, written, tmp_path, name):
-    refuse(written / f"{name}.glb", "-o", tmp_path / "out.vdb", says=[f"{name}.glb", "region", "sphere", "extras"], folder=tmp_path)
+    refuse(written / f"{name}.glb", "-o", tmp_path / "out.vdb", says=[f"{name}.glb", "region", "sphere", "custom property"], folder=tmp_path)
 
 
 @pytest.mark.parametrize("name, options", [("cube", ["--mesh-volumes"]), ("cube_by_extras", [])])
