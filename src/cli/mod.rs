@@ -38,14 +38,14 @@ pub fn main() -> u8 {
 }
 
 fn run(run: &Run) -> Result<(), Error> {
+    let watch = Watch::new(run.progress, run.quiet);
+    signals::watch(watch.cancelled_flag(), run.progress)?;
     let job = run.job()?;
     if let Some(threads) = run.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
         pool.map_err(|e| Error::Usage(format!("--threads {threads}: {e}")))?;
         crate::vdb::limit_threads(threads);
     }
-    let watch = Watch::new(run.progress, run.quiet);
-    signals::watch(watch.cancelled_flag(), run.progress)?;
     let report = pipeline::run(&job, &watch);
     watch.finish();
     let report = report?;

@@ -23,7 +23,11 @@ impl PhotonMap {
 
     /// Adds photons. Those that are not finite are dropped (no tree can hold them).
     pub fn extend(&mut self, photons: &[Photon]) {
-        self.photons.extend(photons.iter().filter(|p| p.position.iter().all(|x| x.is_finite())));
+        if photons.iter().all(Photon::is_finite) {
+            self.photons.extend_from_slice(photons);
+        } else {
+            self.photons.extend(photons.iter().filter(|p| p.is_finite()));
+        }
     }
 
     /// How many photons are stored.

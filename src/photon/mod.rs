@@ -34,6 +34,13 @@ pub struct Photon {
     pub region: u32,
 }
 
+impl Photon {
+    /// Whether its position can stand in a tree.
+    pub fn is_finite(&self) -> bool {
+        self.position.iter().all(|x| x.is_finite())
+    }
+}
+
 /// Packs a unit vector into 2 x 16 bits on the octahedron; the error stays below 1e-4 rad.
 pub fn pack_direction(d: Vec3) -> u32 {
     let d = d / (d.x.abs() + d.y.abs() + d.z.abs());

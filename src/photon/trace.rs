@@ -16,6 +16,7 @@ use crate::stats::{Estimate, Ratios};
 use crate::trimesh::TriMesh;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Paths in a batch: the item that has a stream of random numbers of its own.
 const BATCH_PATHS: u64 = 64;
@@ -57,6 +58,24 @@ pub struct Shot {
     pub collisions: u64,
     /// Where the power went.
     pub energy: Energy,
+}
+
+impl Shot {
+    /// Adds batches in order, up to the one that fills the map: the path that fills it is the last that counts as emitted.
+    fn fold(&mut self, wave: &[Batch], wanted: u64) {
+        for batch in wave {
+            let room = wanted - self.map.len();
+            let full = batch.ends.iter().position(|&end| u64::from(end) >= room);
+            self.emitted += full.map_or(batch.ends.len(), |path| path + 1) as u64;
+            self.traced += batch.ends.len() as u64;
+            self.map.extend(&batch.photons[..batch.photons.len().min(room as usize)]);
+            self.energy.add(batch.fates, batch.power);
+            self.collisions += batch.collisions;
+            if full.is_some() {
+                return;
+            }
+        }
+    }
 }
 
 /// What one batch of paths gives.
@@ -119,35 +138,23 @@ impl Tracer {
         progress.begin("photons", wanted);
         let most_paths = 16 * wanted + HOPELESS_PATHS;
         let mut shot = Shot { map: PhotonMap::new(self.origin, wanted), emitted: 0, traced: 0, collisions: 0, energy: Energy::default() };
-        let mut next = 0u64;
-        while shot.map.len() < wanted && shot.emitted < most_paths {
+        let mut next = 2u64;
+        let mut wave = self.wave(seed, 0..next, wanted, progress);
+        while !wave.is_empty() {
             progress.check()?;
-            let stored = shot.map.len();
-            let expected = (stored / next.max(1)).max(1);
-            let wave = if next == 0 { 2 } else { (WAVE_PHOTONS.min(wanted - stored) / expected + 1).clamp(2, 4096) };
-            let batches: Vec<Batch> = (next..next + wave).into_par_iter().map(|item| self.batch(seed, item, wanted, progress)).collect();
-            for batch in batches {
-                if batch.interrupted {
-                    return Err(Error::Interrupted);
-                }
-                // The path that fills the map is the last that counts as emitted.
-                let room = wanted - shot.map.len();
-                let full = batch.ends.iter().position(|&end| u64::from(end) >= room);
-                shot.emitted += full.map_or(batch.ends.len(), |path| path + 1) as u64;
-                shot.traced += batch.ends.len() as u64;
-                shot.map.extend(&batch.photons[..batch.photons.len().min(room as usize)]);
-                shot.energy.add(batch.fates, batch.power);
-                shot.collisions += batch.collisions;
-                if full.is_some() {
-                    break;
-                }
-            }
-            next += wave;
+            // What this wave brings is known before it is folded, so that the next one can be traced meanwhile.
+            let stored = shot.map.len() + wave.iter().map(|b| b.photons.len() as u64).sum::<u64>();
+            let traced = shot.traced + wave.iter().map(|b| b.ends.len() as u64).sum::<u64>();
+            let ended = stored >= wanted || traced >= most_paths || (stored == 0 && traced >= HOPELESS_PATHS);
+            let expected = (stored / next).max(1);
+            let size = if ended { 0 } else { (WAVE_PHOTONS.min(wanted - stored) / expected + 1).clamp(2, 4096) };
+            let following;
+            (following, ()) = rayon::join(|| self.wave(seed, next..next + size, wanted, progress), || shot.fold(&wave, wanted));
+            next += size;
+            wave = following;
             progress.at(shot.map.len());
-            if shot.map.is_empty() && shot.emitted >= HOPELESS_PATHS {
-                break;
-            }
         }
+        progress.check()?;
         if shot.energy.denominator() <= 0.0 || (shot.collisions == 0 && shot.energy.ratio(Fate::AbsorbedSurface as usize).value > 0.999) {
             return Err(Error::Scene {
                 reason: "no light reaches any region: the sun is dark, or surfaces stand between it and every region".into(),
@@ -156,6 +163,11 @@ impl Tracer {
         }
         shot.map.finish(1.0 / shot.emitted as f64);
         Ok(shot)
+    }
+
+    /// A wave of batches, in the order of their items.
+    fn wave(&self, seed: u64, items: Range<u64>, wanted: u64, progress: &dyn Progress) -> Vec<Batch> {
+        items.into_par_iter().map(|item| self.batch(seed, item, wanted, progress)).collect()
     }
 
     /// The share of sunlight that crosses the scene's own regions, and the `other` ones, without a collision: over the sunlight

@@ -246,7 +246,8 @@ def test_interrupted(cloudvdb, scenes, tmp_path):
         assert ended is not None, f"a job of 30 million photons was done within {after:.1f} s"
         code, wait, err = ended
         waits.append(wait)
-        assert code == 130, (after, code, err)
+        # Before it has begun to run it is the system that ends it; a shell calls that 130 too.
+        assert code == 130 or (code == -signal.SIGINT and after < 0.1), (after, code, err)
         assert wait < 1.0, f"it took {wait:.2f} s to stop after {after:.2f} s"
         assert "panicked" not in err
         assert list(tmp_path.iterdir()) == [], (after, list(tmp_path.iterdir()))
