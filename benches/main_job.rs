@@ -34,10 +34,17 @@ fn scattering(c: &mut Criterion) {
     group.sample_size(10);
     // Optical depth 20 across the cloud, 20 across each sphere, and one sphere alone as the upper bound.
     let alone = Scene {
-        regions: vec![Region { name: "ball".into(), shape: Shape::sphere(DVec3::ZERO, 1.0), medium: Medium::with_albedo(10.0, 0.9999, 0.86), photons: None }],
+        regions: vec![Region {
+            name: "ball".into(),
+            shape: Shape::sphere(DVec3::ZERO, 1.0),
+            medium: Medium::with_albedo(10.0, 0.9999, 0.86),
+            photons: None,
+        }],
         ..Scene::default()
     };
-    for (name, scene) in [("cumulus, 20 across the cloud", cumulus(1.0)), ("cumulus, 20 across its spheres", cumulus(5.0)), ("one sphere, 20 across", alone)] {
+    for (name, scene) in
+        [("cumulus, 20 across the cloud", cumulus(1.0)), ("cumulus, 20 across its spheres", cumulus(5.0)), ("one sphere, 20 across", alone)]
+    {
         group.throughput(Throughput::Elements(fill(&scene, 1_000_000).collisions));
         group.bench_function(name, |b| b.iter(|| fill(&scene, 1_000_000)));
     }
@@ -62,13 +69,20 @@ fn duality(c: &mut Criterion) {
 fn import(c: &mut Criterion) {
     let folder = tempfile::tempdir().unwrap();
     let (path, copy) = (folder.path().join("one.glb"), folder.path().join("many.glb"));
-    let ball = |i: u32| Region { name: format!("Ball.{i}"), shape: Shape::sphere(DVec3::new(f64::from(i), 0.0, 0.0), 0.4), medium: Medium::grey(1.0, 0.0, 0.8), photons: None };
+    let ball = |i: u32| Region {
+        name: format!("Ball.{i}"),
+        shape: Shape::sphere(DVec3::new(f64::from(i), 0.0, 0.0), 0.4),
+        medium: Medium::grey(1.0, 0.0, 0.8),
+        photons: None,
+    };
     let many: Vec<Region> = (0..10_000).map(ball).collect();
     cloudvdb::export::glb::write(&path, &Scene::default(), &many[..1]).unwrap();
     cloudvdb::export::glb::write(&copy, &Scene::default(), &many).unwrap();
     let mut group = c.benchmark_group("import");
     group.bench_function("1 sphere", |b| b.iter(|| load(&path, &ImportOptions::default()).unwrap()));
-    group.bench_function("10,000 spheres", |b| b.iter(|| assert_eq!(load(&copy, &ImportOptions::default()).unwrap().scene.regions.len(), 10_000)));
+    group.bench_function("10,000 spheres", |b| {
+        b.iter(|| assert_eq!(load(&copy, &ImportOptions::default()).unwrap().scene.regions.len(), 10_000))
+    });
     group.finish();
 }
 

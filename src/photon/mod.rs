@@ -2,6 +2,7 @@
 
 pub mod emit;
 pub mod map;
+mod rules;
 pub mod trace;
 
 pub use map::{PhotonMap, PhotonTree};
