@@ -204,8 +204,9 @@ const FEW: usize = 12;
 /// The distance at which the intervals, and `base` extinction all along, have used up `tau`, if that is before `t_max`.
 fn spend(scratch: &mut Scratch, optics: &[Optics], base: f64, t_max: f32, tau: f64) -> Option<f32> {
     if scratch.intervals.is_empty() {
+        // `base` may be an empty sum, which is -0: no quotient may see it.
         let distance = tau / base;
-        return (distance < f64::from(t_max)).then_some(distance as f32);
+        return (base > 0.0 && distance < f64::from(t_max)).then_some(distance as f32);
     }
     if scratch.intervals.len() <= FEW {
         spend_few(&scratch.intervals, optics, base, t_max, tau)

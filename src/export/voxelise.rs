@@ -13,6 +13,9 @@ use glam::{DAffine3, DMat3, DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// A brick's smallest index and its samples.
+type Brick = ([i32; 3], Box<[f32; BRICK_VOXELS]>);
+
 /// Which axis points up in the written grid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -34,7 +37,7 @@ pub fn voxelise(regions: &[Region], voxel_size: f64, density_scale: f64, up: Up,
     // The lattice starts at a whole brick near the scene, so that indices stay small wherever the scene is.
     let brick = voxel_size * f64::from(BRICK_SIDE);
     let anchor = if bounds.is_empty() { DVec3::ZERO } else { (bounds.min / brick).floor() * brick };
-    let shapes: Vec<Voxels> = shapes.into_iter().map(|s| s.to_index(anchor, voxel_size)).collect();
+    let shapes: Vec<Voxels> = shapes.into_iter().map(|s| s.into_index(anchor, voxel_size)).collect();
     let mut touched: Vec<([i32; 3], u32)> = Vec::new();
     for (i, shape) in shapes.iter().enumerate() {
         progress.check()?;
@@ -44,7 +47,7 @@ pub fn voxelise(regions: &[Region], voxel_size: f64, density_scale: f64, up: Up,
     let groups: Vec<&[([i32; 3], u32)]> = touched.chunk_by(|a, b| a.0 == b.0).collect();
     progress.begin("voxels", groups.len() as u64);
     let done = AtomicU64::new(0);
-    let filled: Vec<Option<([i32; 3], Box<[f32; BRICK_VOXELS]>)>> = groups
+    let filled: Vec<Option<Brick>> = groups
         .par_iter()
         .map(|group| {
             if progress.cancelled() {
@@ -172,7 +175,7 @@ impl Voxels {
     }
 
     /// The same shape in index space, where voxel (i, j, k) fills [i, i + 1] x [j, j + 1] x [k, k + 1].
-    fn to_index(self, anchor: DVec3, size: f64) -> Self {
+    fn into_index(self, anchor: DVec3, size: f64) -> Self {
         let index = |p: DVec3| (p - anchor) / size;
         let bounds = Bounds { min: index(self.bounds.min), max: index(self.bounds.max) };
         match self.solid {

@@ -198,6 +198,36 @@ fn rays_through_a_cubes_edges_and_diagonals_are_inside_once() {
 }
 
 #[test]
+fn nothing_collides_beside_the_spheres() {
+    // Within the lattice's box, but in a cell that no sphere reaches.
+    let media = Media::new(&[region(Shape::sphere(DVec3::ZERO, 1.0), 20.0), region(Shape::sphere(DVec3::X * 4.0, 1.0), 20.0)], DVec3::ZERO);
+    let mut scratch = Scratch::default();
+    let ray = Ray { origin: Vec3::new(2.0, 0.9, 0.9), direction: Vec3::Y };
+    assert_eq!(media.fly(&ray, f32::INFINITY, 1e-9, 0.0, || 0.5, &mut scratch), Flight::Passed);
+}
+
+#[test]
+fn the_mean_free_path_is_one_over_the_extinction() {
+    // Exponential: mean 1 / sigma, variance 1 / sigma^2; also where two regions share the extinction.
+    let both = [region(Shape::sphere(DVec3::ZERO, 1e3), 0.5), region(Shape::sphere(DVec3::X, 1e3), 1.5)];
+    let media = Media::new(&both, DVec3::ZERO);
+    let (mut rng, mut scratch, n) = (Rng::new(6, Stage::Photons, 0), Scratch::default(), 200_000);
+    let (mut sum, mut sum2) = (0.0, 0.0);
+    for _ in 0..n {
+        let ray = Ray { origin: Vec3::new(0.5, 0.0, 0.0), direction: random_direction(&mut rng) };
+        let Flight::Collision { distance, .. } = media.fly(&ray, f32::INFINITY, rng.optical_depth(), 0.0, || 0.5, &mut scratch) else {
+            panic!()
+        };
+        sum += f64::from(distance);
+        sum2 += f64::from(distance).powi(2);
+    }
+    let (mean, mean2) = (sum / f64::from(n), sum2 / f64::from(n));
+    assert!((mean - 0.5).abs() < 4.5 * 0.5 / f64::from(n).sqrt(), "{mean}");
+    // The second moment 2 / sigma^2 has variance 20 / sigma^4.
+    assert!((mean2 - 0.5).abs() < 4.5 * 20f64.sqrt() / 4.0 / f64::from(n).sqrt(), "{mean2}");
+}
+
+#[test]
 fn extreme_scales_stay_finite() {
     for radius in [1e-6, 1.0, 1e6] {
         for sigma in [1e-12, 1.0, 1e12] {
