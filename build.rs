@@ -1,4 +1,8 @@
 //! Compiles the bridge to OpenVDB (`cpp/`) and links what Debian's libopenvdb needs.
+//!
+//! Headers are looked for before anything is compiled, so that a missing package is one sentence that says what to
+//! install, and not a page of the compiler's. Headers elsewhere than in `/usr/include` and `/usr/local/include` are
+//! found by `CPLUS_INCLUDE_PATH`, libraries by `LIBRARY_PATH`, as the compiler finds them.
 
 /// A header of each Debian package that OpenVDB's own headers pull in.
 const NEEDED: [(&str, &str); 4] = [
@@ -8,6 +12,7 @@ const NEEDED: [(&str, &str); 4] = [
     ("tbb/parallel_for.h", "libtbb-dev"),
 ];
 
+/// Checks for the headers, compiles the bridge, and tells cargo what to link and what to watch.
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=cpp");

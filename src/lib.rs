@@ -1,4 +1,59 @@
 //! cloudvdb: photon-cloud regions from a layout, written as OpenVDB grids.
+//!
+//! A layout (spheres, slabs, closed meshes in a glTF file) is lit by a sun; photons are traced through it; where they
+//! scatter more than once and lie close together, new regions are made (the duality); these are written as voxels. The
+//! method is Joseph Hura's, *Ray tracing clouds using a stochastic photon-particle duality* (2006), "the thesis" below.
+//!
+//! ```text
+//! .gltf .glb ──import──► Scene ──► Plan ──► photons ──► PhotonMap ──► regions ──voxelise──► density ──► .vdb
+//!                          │                                             │
+//!                          └──────────── --density source ──────────────►┼──────────────────────────► .glb
+//!                                                                        │
+//!                                         what was found, done, wrong ───┴──────────────────────────► .json
+//! ```
+//!
+//! [`pipeline::run`] is that picture in code, and the page to read first. The parts, in its order:
+//!
+//! | module | what it does |
+//! | --- | --- |
+//! | [`import`] | glTF files to a [`scene::Scene`], with a line for each node that says what became of it |
+//! | [`scene`] | what is in the scene: regions with their media, surfaces, the sun, a camera |
+//! | [`plan`] | which effects are simulated, which not, and why |
+//! | [`media`] | the regions as rays see them: free flights and optical depths in closed form |
+//! | [`photon`] | pass 1: photons leave the sun, scatter, and are stored |
+//! | [`regions`] | the duality: new regions out of stored photons |
+//! | [`export`] | voxels, OpenVDB grids, regions as glTF, the report |
+//! | [`vdb`] | OpenVDB behind a safe interface; the only unsafe code is its bridge |
+//! | [`cli`] | arguments, progress, signals, exit codes |
+//!
+//! The core (everything but `import`, `export`, `vdb`, `pipeline` and `cli`) opens no file and prints nothing; it tells
+//! how far it is, and learns that it should stop, by [`progress::Progress`].
+//!
+//! # From the thesis's equations to functions
+//!
+//! [`photon::Model`] chooses between two readings: `Physical` (the default) corrects what `Hura2006` follows to the
+//! letter. In pass 1 they differ in the private trait `photon::rules::Rules`.
+//!
+//! | equation | what it says | where it is |
+//! | --- | --- | --- |
+//! | 1 | sigma_t = sigma_a + sigma_s | [`scene::Medium::sigma_t`] |
+//! | 3, 4 | optical depth and transmittance | [`media::Media::optical_depth`] (and e^-tau of it in [`photon::Tracer::sunlight_through`]) |
+//! | 7 | the Henyey-Greenstein phase function | [`scene::phase::henyey_greenstein`] |
+//! | 17 | the distance to the next collision | [`rng::Rng::optical_depth`], spent by [`media::Media::fly`]; with its ln 0 in `Rules for Hura2006` |
+//! | 18 | roulette: scattered or absorbed | [`photon::Tracer::fill`] (its private `path`) |
+//! | 19 | the angle of scattering | [`scene::phase::sample_henyey_greenstein`]; to the letter [`scene::phase::sample_eq19`] |
+//! | 25 | attenuation of a photon in flight | `Rules::attenuation`: 1 in the physical model, which has spent it by eq. 17 |
+//! | 26 | diffuse reflection off a surface | [`sampling::cosine_hemisphere`] |
+//! | 27 | new regions up to the old one's volume | [`regions::synthesise`] |
+//!
+//! Equations 20 to 24 and 28 to 31 belong to pass 2, the rendering, which is not there yet. Of the phase functions only
+//! eq. 7 is used: eqs 5 and 6 are not normalised in the thesis, and eq. 5 is eq. 7 at g = 0.
+//!
+//! # Conventions
+//!
+//! Right-handed, Z up, metres; extinction in 1/m, irradiance in W m^-2. Directions are those of propagation. World
+//! transforms are `f64`, the hot loops `f32` about the scene's centre, sums `f64`. Random numbers come from a stream for
+//! each (seed, stage, item), never for a thread: the same input gives the same bytes on any number of threads.
 #![deny(unsafe_code)]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
