@@ -132,28 +132,13 @@ def cumulus_layout():
     return [(((x - middle) * scale, y * scale, base + z * scale), r * scale) for (x, y, z), r in balls]
 
 
-def longest_horizontal_chord(balls):
-    """Metres of ball, overlaps counted each, along the longest horizontal line through the centre of volume."""
-    volume = sum(r ** 3 for _, r in balls)
-    cx, cy, cz = (sum(c[k] * r ** 3 for c, r in balls) / volume for k in range(3))
-
-    def chord(angle):
-        dx, dy = math.cos(angle), math.sin(angle)
-        total = 0.0
-        for (x, y, z), r in balls:
-            across = (x - cx) * dy - (y - cy) * dx
-            total += 2.0 * math.sqrt(max(0.0, r * r - across * across - (z - cz) ** 2))
-        return total
-
-    return max(chord(math.pi * i / 3600) for i in range(3600))
-
-
 def cumulus():
     start()
     balls = cumulus_layout()
-    sigma_t = 20.0 / longest_horizontal_chord(balls)
+    # Optical depth 20 across the largest ball.
+    sigma_t = 20.0 / (2.0 * max(r for _, r in balls))
     albedo = 0.9999
-    print(f"cumulus: sigma_t {sigma_t:.5f} per metre, chord {20 / sigma_t:.0f} m")
+    print(f"cumulus: sigma_t {sigma_t:.5f} per metre")
     mesh = ball_mesh("Ball")
     mesh.materials.append(cloud_material("Cumulus", {
         "sigma_s": sigma_t * albedo, "sigma_a": sigma_t * (1.0 - albedo), "g": 0.86}))

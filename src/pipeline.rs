@@ -107,7 +107,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
         clock.end("voxels");
         if voxels.coarsened {
             let note = format!(
-                "voxels are {} m, coarser than a third of the smallest region's half extent, to stay within --max-voxels {}",
+                "voxels are {} m, coarser than the regions ask for, to stay within --max-voxels {}",
                 voxels.voxel_size, job.vdb.max_voxels
             );
             report.notes.push(note);

@@ -171,7 +171,9 @@ impl Plan {
                 1.0,
                 match density {
                     Density::Duality => format!("{} regions of the layout become photon-cloud regions", scene.regions.len()),
-                    Density::Source => "--density source writes the layout as it is: no photon is traced for it".into(),
+                    Density::Source => {
+                        "this looks at the layout as it is (--density source): no region is made, and no photon traced for it".into()
+                    }
                 },
                 scene.regions.len() as f64,
             ),
@@ -185,8 +187,9 @@ impl Plan {
     }
 }
 
+/// An effect that is off because there is nothing of it has nothing to leave out: only a measured share is kept then.
 fn effect(name: EffectName, on: bool, bound: f64, reason: String, figure: f64) -> Effect {
-    Effect { name, on, reason, figure, bound }
+    Effect { name, on, reason, figure, bound: if on || name == EffectName::SunDisc { bound } else { 0.0 } }
 }
 
 /// How many regions' bounds meet another's.

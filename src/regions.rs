@@ -126,6 +126,8 @@ fn one(
         Model::Physical => 0.5 * region.shape.thickness(),
         Model::Hura2006 => f64::INFINITY,
     };
+    // To the letter, what would exceed the old volume is discarded; the corrected reading shrinks it.
+    let fits = |d: f64, left: f64| duality.model == Model::Physical || 4.0 / 3.0 * PI * d.powi(3) <= left;
     let (mut left, mut refused) = (volume, 0);
     for batch in 0u64.. {
         progress.check()?;
@@ -134,13 +136,14 @@ fn one(
             (0..CANDIDATES).map(|_| (points.draw(&mut rng), search_distance(duality.model, sigma_t, &mut rng))).collect();
         let found: Vec<u64> = candidates
             .par_iter()
-            .map(|&(centre, d)| if d <= largest { tree.count_within((centre - map.origin).as_vec3(), d as f32) } else { 0 })
+            .map(
+                |&(centre, d)| if d <= largest && fits(d, left) { tree.count_within((centre - map.origin).as_vec3(), d as f32) } else { 0 },
+            )
             .collect();
         for ((centre, d), photons) in candidates.into_iter().zip(found) {
             source.candidates += 1;
             let ball = 4.0 / 3.0 * PI * d.powi(3);
-            let fits = ball <= left || duality.model == Model::Physical;
-            if d.is_finite() && photons >= estimate && fits {
+            if photons >= estimate && fits(d, left) {
                 refused = 0;
                 // The last one is shrunk to close the budget.
                 let (d, photons) = if ball <= left {

@@ -99,7 +99,7 @@ pub struct Run {
     /// Photons that must lie within the search distance [default: the square root of a region's photons]
     #[arg(long, value_name = "N", value_parser = count)]
     pub estimate: Option<u64>,
-    /// Voxel size in metres [default: a third of the smallest region's half extent]
+    /// Voxel size in metres [default: a third of the smallest region's half extent, or 1/128 of the whole]
     #[arg(long, value_name = "METRES", value_parser = length)]
     pub voxel_size: Option<f64>,
     /// The most active voxels a grid may have

@@ -5,7 +5,7 @@ use super::voxelise::Up;
 use crate::error::Result;
 use crate::import::{Became, Finding};
 use crate::photon::{Model, Shot, trace::Fate};
-use crate::plan::{Density, Plan};
+use crate::plan::{Density, Effect, Plan};
 use crate::regions::{Placement, Source};
 use crate::stats::Estimate;
 use serde::Serialize;
@@ -146,7 +146,7 @@ pub struct Grids {
     pub density_scale: f64,
     /// In metres.
     pub voxel_size: f64,
-    /// Whether `--max-voxels` made the voxels coarser than a third of the smallest half extent.
+    /// Whether `--max-voxels` made the voxels coarser than they would be.
     pub coarsened: bool,
     /// Which axis is up.
     pub up: Up,
@@ -245,7 +245,7 @@ impl Report {
             let r = &self.regions;
             let _ = writeln!(
                 t,
-                "regions   {} of {} in the layout; {:.1} % of their volume sticks out",
+                "regions   {} from {} of the layout; {:.1} % of their volume sticks out",
                 r.synthesised,
                 r.source,
                 100.0 * r.sticking_out
@@ -292,16 +292,12 @@ pub fn plan_table(plan: &Plan) -> String {
     let name = |n| serde_json::to_value(n).ok().and_then(|v| v.as_str().map(String::from)).unwrap_or_default();
     plan.effects
         .iter()
-        .map(|e| {
-            format!(
-                "  {:<20} {:<4} {} (leaving it out changes at most {:.2} %)\n",
-                name(e.name),
-                if e.on { "on" } else { "off" },
-                e.reason,
-                100.0 * e.bound
-            )
-        })
+        .map(|e| format!("  {:<20} {:<4} {}{}\n", name(e.name), if e.on { "on" } else { "off" }, e.reason, bound(e)))
         .collect()
+}
+
+fn bound(effect: &Effect) -> String {
+    if effect.bound > 0.0 { format!(" (leaving it out changes at most {:.2} %)", 100.0 * effect.bound) } else { String::new() }
 }
 
 /// Four significant digits.

@@ -31,7 +31,7 @@ impl GridName {
 /// How grids are written.
 #[derive(Debug, Clone)]
 pub struct VdbOptions {
-    /// In metres; `None` takes a third of the smallest half extent.
+    /// In metres; `None` takes a third of the smallest half extent, or 1/128 of the longest side, whichever is finer.
     pub voxel_size: Option<f64>,
     /// The most active voxels a grid may have.
     pub max_voxels: u64,
@@ -64,7 +64,7 @@ pub struct Voxels {
     pub density_scale: f64,
     /// In metres.
     pub voxel_size: f64,
-    /// Whether the voxels had to be coarser than a third of the smallest half extent.
+    /// Whether `max_voxels` made the voxels coarser than they would be.
     pub coarsened: bool,
 }
 

@@ -79,13 +79,15 @@ pub fn voxelise(regions: &[Region], voxel_size: f64, density_scale: f64, up: Up,
     Ok(grid)
 }
 
-/// A voxel size for these regions: `asked`, or a third of the smallest half extent, coarsened where more than `max_voxels`
-/// would be active. The second value says whether it was coarsened.
+/// A voxel size for these regions: `asked`, or a third of the smallest half extent or 1/128 of the longest side, whichever is
+/// finer, coarsened where more than `max_voxels` would be active. The second value says whether it was coarsened.
 ///
 /// # Errors
 /// [`Error::TooManyVoxels`] where `asked` does not fit.
 pub fn voxel_size(regions: &[Region], asked: Option<f64>, max_voxels: u64) -> Result<(f64, bool)> {
-    let finest = regions.iter().map(|r| r.shape.smallest_half_extent()).fold(f64::INFINITY, f64::min) / 3.0;
+    let smallest = regions.iter().map(|r| r.shape.smallest_half_extent()).fold(f64::INFINITY, f64::min);
+    let longest = regions.iter().fold(Bounds::EMPTY, |b, r| b.union(r.shape.bounds())).size().max_element();
+    let finest = (smallest / 3.0).min(longest / 128.0);
     let size = asked.unwrap_or(finest);
     let needed = active_voxels(regions, size);
     if needed <= max_voxels as f64 {
@@ -391,7 +393,7 @@ mod tests {
     #[test]
     fn the_voxel_size_fits_or_is_refused_with_one_that_does() {
         let regions = vec![region(Shape::sphere(DVec3::ZERO, 1.0), 1.0)];
-        assert_eq!(voxel_size(&regions, None, 1 << 24).unwrap(), (1.0 / 3.0, false));
+        assert_eq!(voxel_size(&regions, None, 1 << 24).unwrap(), (2.0 / 128.0, false));
         let (coarse, coarsened) = voxel_size(&regions, None, 40).unwrap();
         assert!(coarsened && active_voxels(&regions, coarse) <= 40.0);
         let Err(Error::TooManyVoxels { fitting, .. }) = voxel_size(&regions, Some(0.001), 100_000) else { panic!() };

@@ -199,7 +199,7 @@ impl<'a> Builder<'a> {
         for name in &self.lost_metaballs {
             self.notes.push(format!(
                 "Node {name:?} is empty, and has a metaball's name: Blender's glTF exporter drops metaballs and leaves an empty node. \
-                 Export with the cloudvdb add-on, or convert it first (Object > Convert > Mesh)."
+                 Convert it first (Object > Convert > Mesh)."
             ));
         }
         Ok(Layout { scene: self.scene, findings: self.findings, notes: self.notes, source_hash })
@@ -228,8 +228,8 @@ impl<'a> Builder<'a> {
             reason += &format!("; --regions {pattern:?} picks among sphere-like and closed meshes");
         }
         let fix = "A region can be: a sphere-like mesh (UV sphere, icosphere, scaled or not); a node with the custom property \
-                   `cloudvdb`, such as {\"shape\": \"sphere\", \"radius\": 1}; a metaball exported with the cloudvdb add-on, or \
-                   converted (Object > Convert > Mesh); a closed mesh with --mesh-volumes";
+                   `cloudvdb`, such as {\"shape\": \"sphere\", \"radius\": 1}; a metaball \
+                   converted to a mesh (Object > Convert > Mesh); a closed mesh with --mesh-volumes";
         file_error(self.file, reason, fix)
     }
 }

@@ -48,6 +48,8 @@ pub(super) struct SceneSpec {
 const SHAPE_KEYS: [&str; 5] = ["shape", "radius", "half_height", "threshold", "stiffness"];
 const MEDIUM_KEYS: [&str; 6] = ["preset", "sigma_s", "sigma_a", "sigma_t", "albedo", "g"];
 /// Of the scene; understood, and not used yet.
+/// Keys that `-o regions.glb` writes for people, and that say nothing about the scene.
+const WRITTEN_KEYS: [&str; 1] = ["photons"];
 const LATER_KEYS: [&str; 3] = ["sky", "atmosphere", "detail"];
 
 /// Reads a node's or a material's extras. Keys that mean nothing become notes.
@@ -55,7 +57,7 @@ pub(super) fn spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>) -> R
     let Some(value) = extras.and_then(|extras| extras.get("cloudvdb")) else { return Ok(None) };
     let map = object(value, at)?;
     let fields = Fields { map: &map, at, path: "extras.cloudvdb" };
-    fields.unknown(&[&SHAPE_KEYS, &MEDIUM_KEYS], notes);
+    fields.unknown(&[&SHAPE_KEYS, &MEDIUM_KEYS, &WRITTEN_KEYS], notes);
     let shape = match fields.text("shape")? {
         Some(name) => Some(find(&ShapeKind::NAMES, name).ok_or_else(|| {
             let names: Vec<&str> = ShapeKind::NAMES.iter().map(|(name, _)| *name).collect();

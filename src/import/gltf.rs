@@ -34,7 +34,7 @@ pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions) 
     }
     builder.strays(&visits);
     if !builder.findings.iter().any(|f| f.became == Became::Sun) {
-        builder.notes.push("No sun (a directional light): one 45 degrees high in the south-west, 1 W/m^2, is assumed.".into());
+        builder.notes.push("No sun (a directional light): one 45 degrees high in the south-west, 1 W/m^2, is assumed. In Blender, add a Sun and tick Punctual Lights when you export.".into());
         if let Some(angle) = builder.scene_spec.sun_angle {
             builder.scene.sun.angular_diameter = angle;
         }

@@ -32,7 +32,8 @@ pub(super) fn visible_radius(radius: f64, threshold: f64, stiffness: f64) -> Opt
 /// Reads the extension of a node. Positions are in the node's space (Y up); rotations are (x, y, z, w).
 pub(super) fn read(value: &Value, at: At) -> Result<Family> {
     let path = "extensions.CLOUDVDB_metaballs";
-    let not_object = |found: &Value, path: &str| at.error(path, describe(found), "an object", "Export again with the cloudvdb add-on");
+    let not_object =
+        |found: &Value, path: &str| at.error(path, describe(found), "an object", "Write it as the README says, or leave the extension out");
     let map = value.as_object().ok_or_else(|| not_object(value, path))?;
     let fields = Fields { map, at, path };
     let threshold = fields.number("threshold")?.unwrap_or(THRESHOLD);

@@ -65,7 +65,8 @@ pub(super) fn light(
     }
     if shot.map.len() < job.photons {
         report.notes.push(format!(
-            "the scene is so thin that {} emitted photons left only {} of the {} asked for",
+            "the scene is so thin (optical depth {:.3} across its thickest region) that {} emitted photons left only {} of the {} asked for. Are its units right? A cloud has optical depth 10 and more",
+            thickest(scene),
             shot.emitted,
             shot.map.len(),
             job.photons
@@ -82,13 +83,18 @@ pub(super) fn light(
         sunlight_through_layout: before,
         sunlight_through_regions: after,
         optical_mass: shortfall,
-        photons_for_half: grow * job.photons,
+        photons_for_half: grow * shot.map.len(),
         seconds_for_half: grow as f64 * clock.elapsed(),
     });
     report.regions.synthesised = synthesis.regions.len();
     report.regions.sticking_out = synthesis.sticking_out;
     report.regions.sources.clone_from(&synthesis.sources);
     Ok(())
+}
+
+/// The optical depth across the region that is thickest by it.
+fn thickest(scene: &Scene) -> f64 {
+    scene.regions.iter().map(|r| r.medium.sigma_t() * r.shape.thickness()).fold(0.0, f64::max)
 }
 
 /// Why no region could be made, and what would do.

@@ -1,7 +1,7 @@
 //! What is in the scene: regions of participating media, Lambertian surfaces, the sun, a camera.
 //!
 //! Everything here is a description in world space: right-handed, Z up, metres, `f64`. The hot loops work on
-//! [`Media`](crate::scene) and [`SurfaceSet`](surface::SurfaceSet), compiled from it, recentred and in `f32`.
+//! [`Media`](crate::media::Media) and [`TriMesh`](crate::trimesh::TriMesh), compiled from it, recentred and in `f32`.
 
 pub mod camera;
 pub mod density;
