@@ -218,3 +218,11 @@ fn extreme_scales_stay_finite() {
         }
     }
 }
+
+#[test]
+fn a_crowd_too_large_for_a_lattice_does_without() {
+    // Each sphere is in one cell at least: no cell, however coarse, keeps so many within the room for entries.
+    let mut rng = Rng::new(6, Stage::Photons, 0);
+    let balls: Vec<(Vec3, f32, u32)> = (0..4_100_000).map(|_| (Vec3::new(rng.uniform_f32(), rng.uniform_f32(), 0.0), 1e-3, 0)).collect();
+    assert!(Cells::new(&balls, &[Optics { sigma_t: 100.0, albedo: 1.0, g: 0.0 }]).is_empty());
+}

@@ -150,7 +150,7 @@ impl Tracer {
         }
         if shot.energy.denominator() <= 0.0 || (shot.collisions == 0 && shot.energy.ratio(Fate::AbsorbedSurface as usize).value > 0.999) {
             return Err(Error::Scene {
-                reason: "no light reaches any region: the sun is dark, or surfaces stand between it and every region".into(),
+                reason: "no light reaches any region: the sun is dark, below the horizon of a layer without end, or surfaces stand between it and every region".into(),
                 fix: "Give the sun a strength above zero, and check what lies between it and the cloud".into(),
             });
         }
