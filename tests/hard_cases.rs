@@ -123,7 +123,7 @@ fn whole(name: &str, scene: &Scene, photons: u64, model: Model) -> Result<Outcom
     assert!(before == after && (0.0..=1.0).contains(&before.value), "{name}: {before:?} {after:?}");
     let duality = Duality { model, seed: 1, ..Duality::default() };
     let synthesis = synthesise(scene, &shot.map, &duality, &Silent).unwrap();
-    let made: f64 = synthesis.regions.iter().map(Region::optical_mass).sum();
+    let made = synthesis.regions.iter().map(Region::optical_mass).fold(0.0, |sum, m| sum + m);
     let kept = made / scene.optical_mass();
     assert!(kept >= 0.0 && kept <= 1.0 + 1e-9, "{name}: {kept}");
     if !synthesis.regions.is_empty() {
@@ -290,7 +290,7 @@ fn overlaps() {
     let loose = draw(10.0, 0.5, 5.0);
     let tight = draw(0.1, 1.0, 2e-3);
     case("10,000 regions, a few deep", &overhead(loose), 100_000).unwrap();
-    case("10,000 regions, nearly all on top of each other", &overhead(tight), 2000).unwrap();
+    case("10,000 regions, nearly all on top of each other", &overhead(tight), 300).unwrap();
 }
 
 #[test]
@@ -459,8 +459,8 @@ fn nothing_changes_when_the_scene_is_scaled_moved_turned_split_or_mirrored() {
     let mut permuted = scene.clone();
     permuted.regions.rotate_left(1);
     permuted.regions.swap(0, 1);
-    let mut moved_region = scene.clone();
-    moved_region.regions[1].medium.sigma_s = [8.6; 3];
+    let mut changed_region = scene.clone();
+    changed_region.regions[0].medium = Medium::with_albedo(4.0, 0.85, 0.7);
     let by = DAffine3::from_translation;
     let cases = [
         ("scaled by 1e-3", mapped(&scene, DAffine3::from_scale(DVec3::splat(1e-3)), 1e-3), 1e-3),
@@ -502,9 +502,9 @@ fn nothing_changes_when_the_scene_is_scaled_moved_turned_split_or_mirrored() {
             assert_eq!(per(&same, Fate::AbsorbedMedium, *scale).value, per(&truth, Fate::AbsorbedMedium, 1.0).value, "exact in binary");
         }
     }
-    // The test sees a change that matters: 6 % more extinction in one of three regions.
-    let changed = shoot(&moved_region, 200);
+    // The test sees a change that matters: an albedo of 0.85 for 0.9 in one of three regions.
+    let changed = shoot(&changed_region, 200);
     let zs = fates.map(|f| z(per(&truth, f, 1.0), per(&changed, f, 1.0)).abs());
-    println!("6 % more scattering in one region: z {zs:?}");
+    println!("albedo 0.85 for 0.9 in one region: z {zs:?}");
     assert!(zs.iter().any(|&z| z > 4.5), "{zs:?}");
 }

@@ -97,7 +97,8 @@ impl Cells {
             let start = (all.full.len() as u32, all.partial.len() as u32);
             all.full.extend(full.iter().map(|&i| balls[i as usize].2));
             partial.iter().for_each(|&i| all.partial.push(balls[i as usize]));
-            let sigma_t = full.iter().map(|&i| optics[balls[i as usize].2 as usize].sigma_t).sum();
+            // Not `sum`: that of nothing is -0.0.
+            let sigma_t = full.iter().map(|&i| optics[balls[i as usize].2 as usize].sigma_t).fold(0.0, |sum, sigma| sum + sigma);
             all.cells.push(Cell { sigma_t, full: (start.0, all.full.len() as u32), partial: (start.1, all.partial.len() as u32) });
         }
         all.partial.pad();
