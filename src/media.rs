@@ -146,7 +146,7 @@ impl Media {
     pub fn optical_depth(&self, ray: &Ray, t_max: f32, scratch: &mut Scratch) -> f64 {
         self.intervals(ray, t_max, scratch);
         let length = |i: &Interval| f64::from(i.exit.min(t_max)) - f64::from(i.enter.max(0.0));
-        scratch.intervals.iter().map(|i| length(i) * self.optics(i.region).sigma_t).sum()
+        scratch.intervals.iter().map(|i| length(i) * self.optics(i.region).sigma_t).fold(0.0, |sum, depth| sum + depth)
     }
 
     /// Fills `scratch.intervals` with the stretches of the ray inside regions that begin before `t_max` and end after 0.

@@ -19,6 +19,8 @@ use std::f64::consts::PI;
 const CANDIDATES: usize = 64;
 /// The stopping rule: so many candidates in a row refused, and the region is left as it is, the shortfall reported.
 pub const REFUSALS: u64 = 4096;
+/// And so many regions made of one: candidates at photons always find one, and an opaque region asks for (radius sigma)^3 / 6.
+pub const MOST_REGIONS: u64 = 1 << 20;
 
 /// Where candidates for regions are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
@@ -117,33 +119,31 @@ fn one(
         mass: sigma_t * volume,
         synthesised: 0.0,
     };
-    let Some(tree) = Some(photons).filter(|p| p.len() as u64 >= estimate).and_then(PhotonTree::new) else {
+    let Some(tree) = Some(photons).filter(|p| p.len() as u64 >= estimate.max(1)).and_then(PhotonTree::new) else {
         return Ok(source);
     };
     let points = Points::new(region, photons, map.origin, duality.placement);
-    // A ball larger than the region it refines could only be the region again, elsewhere.
-    let largest = match duality.model {
-        Model::Physical => 0.5 * region.shape.thickness(),
-        Model::Hura2006 => f64::INFINITY,
-    };
-    // To the letter, what would exceed the old volume is discarded; the corrected reading shrinks it.
-    let fits = |d: f64, left: f64| duality.model == Model::Physical || 4.0 / 3.0 * PI * d.powi(3) <= left;
     let (mut left, mut refused) = (volume, 0);
     for batch in 0u64.. {
         progress.check()?;
+        let largest = match duality.model {
+            // A ball larger than the region it refines could only be the region again, elsewhere.
+            Model::Physical => 0.5 * region.shape.thickness(),
+            // What cannot fit need not be counted; rounding is left to the rule below.
+            Model::Hura2006 => (left * 0.75 / PI).cbrt() * (1.0 + 1e-9),
+        };
         let mut rng = Rng::new(duality.seed, Stage::Regions, (index as u64) << 32 | batch);
         let candidates: Vec<(DVec3, f64)> =
             (0..CANDIDATES).map(|_| (points.draw(&mut rng), search_distance(duality.model, sigma_t, &mut rng))).collect();
         let found: Vec<u64> = candidates
             .par_iter()
-            .map(
-                |&(centre, d)| if d <= largest && fits(d, left) { tree.count_within((centre - map.origin).as_vec3(), d as f32) } else { 0 },
-            )
+            .map(|&(centre, d)| if d <= largest { tree.count_within((centre - map.origin).as_vec3(), d as f32) } else { 0 })
             .collect();
         for ((centre, d), photons) in candidates.into_iter().zip(found) {
             source.candidates += 1;
             let ball = 4.0 / 3.0 * PI * d.powi(3);
-            if photons >= estimate && fits(d, left) {
+            let fits = ball <= left || duality.model == Model::Physical;
+            if d.is_finite() && photons >= estimate && fits {
                 refused = 0;
                 // The last one is shrunk to close the budget.
                 let (d, photons) = if ball <= left {
@@ -163,6 +163,10 @@ fn one(
                 // What rounding leaves of the budget is no region.
                 if left <= 1e-9 * volume {
                     source.synthesised = source.mass;
+                    return Ok(source);
+                }
+                if source.regions >= MOST_REGIONS {
+                    source.synthesised = sigma_t * (volume - left);
                     return Ok(source);
                 }
             } else {
@@ -263,3 +267,6 @@ impl Inside {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

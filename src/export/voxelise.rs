@@ -132,6 +132,9 @@ fn round_up(x: f64) -> f64 {
     format!("{:.2e}", (x / unit).ceil() * unit).parse().unwrap_or(x)
 }
 
+/// What is smaller than this share of a voxel slips between any number of lines: its mass goes where its bounds are.
+const CRUMB: f64 = 1.0 / 3.0;
+
 /// A shape on its way into voxels; bounds in the same space.
 struct Voxels {
     solid: Solid,
@@ -141,9 +144,17 @@ struct Voxels {
 }
 
 enum Solid {
-    Ellipsoid { from_unit: DAffine3, to_unit: DAffine3, reach: f64 },
-    Box,
-    Mesh { mesh: Mesh, triangles: TriMesh },
+    Ellipsoid {
+        from_unit: DAffine3,
+        to_unit: DAffine3,
+        reach: f64,
+    },
+    /// Its bounds, of which this share is covered.
+    Box(f64),
+    Mesh {
+        mesh: Mesh,
+        triangles: TriMesh,
+    },
 }
 
 impl Voxels {
@@ -156,7 +167,7 @@ impl Voxels {
         let turned = |b: Bounds| Bounds::EMPTY.include(turn * b.min).include(turn * b.max);
         match shape {
             Shape::Ellipsoid { world_from_unit } => Voxels::ellipsoid(DAffine3::from_mat3(turn) * *world_from_unit),
-            Shape::Slab { .. } => Voxels { solid: Solid::Box, bounds: turned(shape.bounds()), lines: 1 },
+            Shape::Slab { .. } => Voxels { solid: Solid::Box(1.0), bounds: turned(shape.bounds()), lines: 1 },
             Shape::Mesh(mesh) => {
                 let mesh = Mesh { vertices: mesh.vertices.iter().map(|&v| turn * v).collect(), triangles: mesh.triangles.clone() };
                 Voxels { bounds: mesh.bounds(), solid: Solid::Mesh { mesh, triangles: TriMesh::default() }, lines: 4 }
@@ -183,9 +194,14 @@ impl Voxels {
         match self.solid {
             Solid::Ellipsoid { from_unit, .. } => {
                 let from_unit = DAffine3 { matrix3: from_unit.matrix3 * size.recip(), translation: index(from_unit.translation) };
+                let size = bounds.size();
+                if size.max_element() < CRUMB {
+                    let share = 4.0 / 3.0 * std::f64::consts::PI * from_unit.matrix3.determinant().abs() / size.element_product();
+                    return Voxels { solid: Solid::Box(share), bounds, lines: 1 };
+                }
                 Voxels::ellipsoid(from_unit)
             }
-            Solid::Box => Voxels { solid: Solid::Box, bounds, lines: 1 },
+            Solid::Box(share) => Voxels { solid: Solid::Box(share), bounds, lines: 1 },
             Solid::Mesh { mut mesh, .. } => {
                 mesh.vertices.iter_mut().for_each(|v| *v = index(*v));
                 let triangles = TriMesh::new(&[&mesh], bounds.centre());
@@ -233,10 +249,10 @@ impl Voxels {
         for x in 0..BRICK_SIDE {
             for y in 0..BRICK_SIDE {
                 let column = &mut sum[(x as usize) << 6 | (y as usize) << 3..][..8];
-                if matches!(self.solid, Solid::Box) {
+                if let Solid::Box(share) = self.solid {
                     let area = overlap(base.x + f64::from(x), self.bounds.min.x, self.bounds.max.x)
                         * overlap(base.y + f64::from(y), self.bounds.min.y, self.bounds.max.y);
-                    add(column, weight * area, self.bounds.min.z - base.z, self.bounds.max.z - base.z);
+                    add(column, weight * share * area, self.bounds.min.z - base.z, self.bounds.max.z - base.z);
                     continue;
                 }
                 // A small shape touches few lines of a voxel: those outside its bounds are skipped.
@@ -264,7 +280,7 @@ impl Voxels {
                                     add(column, share, f64::from(from) + shift, f64::from(to) + shift)
                                 });
                             }
-                            Solid::Box => {}
+                            Solid::Box(_) => {}
                         }
                     }
                 }

@@ -58,7 +58,8 @@ impl Cells {
         let margin = MARGIN / sigma;
         // Where a free path is a good part of the scene, or next to nothing of it, a lattice cannot help.
         let across = (longest / margin).min(MOST_CELLS).floor();
-        if !(longest.is_finite() && across >= 4.0) {
+        // Nor where there are more spheres than entries: each has at least one, whatever the cell.
+        if !(longest.is_finite() && across >= 4.0 && (balls.len() as f32) < 0.5 * MOST_ENTRIES) {
             return Cells::default();
         }
         let entries = |cell: f32| balls.iter().map(|b| ((2.0 * (b.1 + margin) / cell) + 1.0).powi(3)).sum::<f32>();
@@ -96,7 +97,8 @@ impl Cells {
             let start = (all.full.len() as u32, all.partial.len() as u32);
             all.full.extend(full.iter().map(|&i| balls[i as usize].2));
             partial.iter().for_each(|&i| all.partial.push(balls[i as usize]));
-            let sigma_t = full.iter().map(|&i| optics[balls[i as usize].2 as usize].sigma_t).sum();
+            // Not `sum`: that of nothing is -0.0.
+            let sigma_t = full.iter().map(|&i| optics[balls[i as usize].2 as usize].sigma_t).fold(0.0, |sum, sigma| sum + sigma);
             all.cells.push(Cell { sigma_t, full: (start.0, all.full.len() as u32), partial: (start.1, all.partial.len() as u32) });
         }
         all.partial.pad();

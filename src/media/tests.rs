@@ -248,3 +248,35 @@ fn extreme_scales_stay_finite() {
         }
     }
 }
+
+#[test]
+fn a_crowd_too_large_for_a_lattice_does_without() {
+    // Each sphere is in one cell at least: no cell, however coarse, keeps so many within the room for entries.
+    let mut rng = Rng::new(6, Stage::Photons, 0);
+    let balls: Vec<(Vec3, f32, u32)> = (0..4_100_000).map(|_| (Vec3::new(rng.uniform_f32(), rng.uniform_f32(), 0.0), 1e-3, 0)).collect();
+    assert!(Cells::new(&balls, &[Optics { sigma_t: 100.0, albedo: 1.0, g: 0.0 }]).is_empty());
+}
+
+#[test]
+fn flights_that_start_between_spheres_collide_only_where_the_depth_suffices() {
+    // Two spheres far apart: most of the lattice's cells hold nothing.
+    let regions = [region(Shape::sphere(DVec3::Z * -10.0, 1.0), 2.0), region(Shape::sphere(DVec3::Z * 10.0, 1.0), 1.0)];
+    let media = Media::new(&regions, DVec3::ZERO);
+    assert!(!media.cells.is_empty());
+    let (mut rng, mut scratch) = (Rng::new(7, Stage::Photons, 0), Scratch::default());
+    let mut collided = 0;
+    for _ in 0..20_000 {
+        let origin = (DVec3::new(rng.uniform(), rng.uniform(), rng.uniform()) * 2.0 - 1.0) * DVec3::new(1.0, 1.0, 11.4);
+        let ray = Ray { origin: origin.as_vec3(), direction: (Vec3::Z + 0.1 * random_direction(&mut rng)).normalize() };
+        let tau = rng.optical_depth();
+        let whole = media.optical_depth(&ray, f32::INFINITY, &mut scratch);
+        match media.fly(&ray, f32::INFINITY, tau, 0.0, || 0.5, &mut scratch) {
+            Flight::Collision { distance, .. } => {
+                collided += 1;
+                assert!(distance.is_finite() && distance >= 0.0 && whole * 1.000_01 >= tau, "{ray:?}: {distance}, {whole} {tau}");
+            }
+            Flight::Passed => assert!(whole <= tau * 1.000_01, "{ray:?}: {whole} {tau}"),
+        }
+    }
+    assert!(collided > 1000);
+}

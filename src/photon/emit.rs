@@ -165,8 +165,11 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
     let everything = scene.surfaces.iter().fold(bounds, |b, s| b.union(s.mesh.bounds()));
     let reach = |b: Bounds| ((b.min - origin).abs().max((b.max - origin).abs())).length() as f32 * 1.001 + f32::MIN_POSITIVE;
     let upstream = reach(bounds);
-    // The sun's disc spreads by the distance between a region and the plane.
-    let spread = sin_alpha * upstream * 1.01;
+    // The sun's disc spreads by the tangent of its half angle over the distance between a region and the plane, and a slanted
+    // ray has the farther to go. Of a disc as wide as the sky, the last millionth of its light is left out.
+    let cos_alpha = (1.0 - sin_alpha * sin_alpha).max(1e-6).sqrt();
+    let tan_alpha = sin_alpha / cos_alpha;
+    let spread = tan_alpha * upstream;
     let discs: Vec<(Vec2, Vec2, bool)> = scene.regions.iter().map(|r| projected(&r.shape, origin, u, v, spread)).collect();
     let corner = discs.iter().fold(Vec2::INFINITY, |m, d| m.min(d.0 - d.1));
     let far_corner = discs.iter().fold(Vec2::NEG_INFINITY, |m, d| m.max(d.0 + d.1));
@@ -200,11 +203,12 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
             Vec2::new(p.dot(u), p.dot(v))
         });
         let (min, max) = corners.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
-        let grow = Vec2::splat(sin_alpha * far);
+        let grow = Vec2::splat(tan_alpha * far);
         // As dense beside the silhouette as over it.
         let (inner, area) = (std::f32::consts::TAU * radius * radius, cells.len() as f32 * cell * cell);
         Skirt { centre, radius, probability: f64::from(inner / (inner + area)), min: min - grow, max: max + grow }
     });
+    let (upstream, far) = (upstream / cos_alpha, far / cos_alpha);
     Silhouette { u, v, corner, cell, width, mask, cells, upstream, far, shaded, skirt }
 }
 

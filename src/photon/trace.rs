@@ -99,6 +99,8 @@ pub struct Tracer {
     pub(super) emitter: Emitter,
     model: Model,
     absorption: bool,
+    /// The largest optical depth across a region.
+    thickest: f64,
     origin: DVec3,
     /// A scene of slabs alone looks the same everywhere: its photons are kept within the tile.
     wrap: Option<(Vec3, Vec3)>,
@@ -123,6 +125,7 @@ impl Tracer {
             emitter: Emitter::new(scene, origin, plan.on(EffectName::SunDisc), bounces),
             model,
             absorption: plan.on(EffectName::Absorption),
+            thickest: scene.regions.iter().map(|r| r.medium.sigma_t() * r.shape.thickness()).fold(0.0, f64::max),
             origin,
             wrap: (alone && !scene.regions.is_empty()).then(|| local(bounds)),
             tiles: scene.regions.iter().map(|r| tile(&r.shape)).collect(),
@@ -155,9 +158,11 @@ impl Tracer {
             progress.at(shot.map.len());
         }
         progress.check()?;
-        if shot.energy.denominator() <= 0.0 || (shot.collisions == 0 && shot.energy.ratio(Fate::AbsorbedSurface as usize).value > 0.999) {
+        // A white surface sends the light away: then none of it is absorbed, and still none arrives.
+        let shut_out = shot.collisions == 0 && (self.thickest > 0.01 || shot.energy.ratio(Fate::AbsorbedSurface as usize).value > 0.999);
+        if shot.energy.denominator() <= 0.0 || shut_out {
             return Err(Error::Scene {
-                reason: "no light reaches any region: the sun is dark, or surfaces stand between it and every region".into(),
+                reason: "no light reaches any region: the sun is dark, below the horizon of a layer without end, or surfaces stand between it and every region".into(),
                 fix: "Give the sun a strength above zero, and check what lies between it and the cloud".into(),
             });
         }
