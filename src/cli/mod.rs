@@ -44,7 +44,7 @@ fn run(run: &Run) -> Result<(), Error> {
     if let Some(threads) = run.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
         pool.map_err(|e| Error::Usage(format!("--threads {threads}: {e}")))?;
-        crate::vdb::limit_threads(threads);
+        crate::export::vdb::limit_threads(threads);
     }
     let report = pipeline::run(&job, &watch);
     watch.finish();

@@ -4,6 +4,7 @@ use super::voxelise::{Up, voxel_size, voxelise};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::scene::{BrickGrid, Region, Scene};
+pub use crate::vdb::limit_threads;
 use crate::vdb::{GridOut, Meta, write};
 use serde::Serialize;
 use std::path::Path;
