@@ -123,11 +123,7 @@ fn code(text: &str) -> Vec<String> {
             '"' => {
                 while let Some(c) = chars.next() {
                     match c {
-                        '\\' => {
-                            if chars.next() == Some('\n') {
-                                out.push('\n');
-                            }
-                        }
+                        '\\' => out.push_str(if chars.next() == Some('\n') { "\n" } else { "" }),
                         '"' => break,
                         '\n' => out.push('\n'),
                         _ => {}

@@ -125,7 +125,7 @@ fn whole(name: &str, scene: &Scene, photons: u64, model: Model) -> Result<Outcom
     let synthesis = synthesise(scene, &shot.map, &duality, &Silent).unwrap();
     let made = synthesis.regions.iter().map(Region::optical_mass).fold(0.0, |sum, m| sum + m);
     let kept = if made > 0.0 { made / scene.optical_mass() } else { 0.0 };
-    assert!(kept >= 0.0 && kept <= 1.0 + 1e-9, "{name}: {kept}");
+    assert!((0.0..=1.0 + 1e-9).contains(&kept), "{name}: {kept}");
     if !synthesis.regions.is_empty() {
         let (size, _) = voxel_size(&synthesis.regions, None, 1 << 18).unwrap();
         let grid = voxelise(&synthesis.regions, size, 1.0, Up::Z, &Silent).unwrap();
