@@ -20,7 +20,7 @@ pub(super) fn opening(job: &Job, layout: &Layout, plan: &Plan) -> Report {
         source_hash: layout.source_hash.clone(),
         settings: Settings { density: job.density, model, placement, photons: job.photons, estimate, seed },
         found: layout.findings.clone(),
-        notes: layout.notes.clone(),
+        notes: layout.notes.iter().cloned().chain(grain(&layout.scene)).collect(),
         plan: plan.clone(),
         regions: Regions { source: layout.scene.regions.len(), ..Regions::default() },
         optical_mass: Mass { source: layout.scene.optical_mass(), ..Mass::default() },
@@ -90,6 +90,20 @@ pub(super) fn light(
     report.regions.sticking_out = synthesis.sticking_out;
     report.regions.sources.clone_from(&synthesis.sources);
     Ok(())
+}
+
+/// A warning where positions in single precision cannot tell two collisions apart: the free path against their grain.
+fn grain(scene: &Scene) -> Option<String> {
+    let bounds = scene.region_bounds();
+    let grain = bounds.size().max_element() * 0.5 * f64::from(f32::EPSILON);
+    let densest = scene.regions.iter().max_by(|a, b| a.medium.sigma_t().total_cmp(&b.medium.sigma_t()))?;
+    let path = 1.0 / densest.medium.sigma_t();
+    (path < 16.0 * grain).then(|| {
+        format!(
+            "the free path in {:?} is {path:.1e} m, and positions in a scene of this size are known to {grain:.1e} m: photons stick there, and its absorption is too high. Lower its sigma_t, or make the scene smaller",
+            densest.name
+        )
+    })
 }
 
 /// The optical depth across the region that is thickest by it.
