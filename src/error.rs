@@ -46,14 +46,14 @@ pub enum Error {
     },
     /// A grid with more voxels than allowed.
     #[error(
-        "a voxel size of {voxel_size:.4} m needs about {voxels} voxels, more than --max-voxels {max_voxels}. \
-         Use --voxel-size {fitting:.4} or larger, or raise --max-voxels"
+        "a voxel size of {voxel_size} m needs about {voxels:.3e} voxels, more than --max-voxels {max_voxels}. \
+         Use --voxel-size {fitting} or larger, or raise --max-voxels"
     )]
     TooManyVoxels {
         /// The voxel size that was asked for, in metres.
         voxel_size: f64,
-        /// The number of active voxels that it would take.
-        voxels: u64,
+        /// About how many active voxels it would take.
+        voxels: f64,
         /// The number that is allowed.
         max_voxels: u64,
         /// The smallest voxel size that fits, in metres.
@@ -86,6 +86,14 @@ pub enum Error {
 }
 
 impl Error {
+    /// The same error, naming the file whose scene it is about.
+    pub fn of_file(self, file: &std::path::Path) -> Error {
+        match self {
+            Error::Scene { reason, fix } => Error::Scene { reason: format!("{}: {reason}", file.display()), fix },
+            other => other,
+        }
+    }
+
     /// The process's exit code: 1 failed, 2 usage, 130 interrupted.
     pub fn exit_code(&self) -> u8 {
         match self {

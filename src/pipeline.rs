@@ -91,11 +91,11 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
         Density::Source => layout.scene.regions.clone(),
         Density::Duality => {
             let tracer = Tracer::new(&layout.scene, &plan, job.duality.model);
-            let shot = tracer.fill(job.photons, job.duality.seed, progress)?;
+            let shot = tracer.fill(job.photons, job.duality.seed, progress).map_err(|e| e.of_file(&job.input))?;
             clock.end("photons");
             let synthesis = synthesise(&layout.scene, &shot.map, &job.duality, progress)?;
             clock.end("regions");
-            light(&mut report, job, &layout, &tracer, &shot, &synthesis, &clock)?;
+            light(&mut report, job, &layout, &tracer, &shot, &synthesis, &clock).map_err(|e| e.of_file(&job.input))?;
             synthesis.regions
         }
     };

@@ -88,7 +88,8 @@ pub fn synthesise(scene: &Scene, map: &PhotonMap, duality: &Duality, progress: &
     let (mut done, mut out, mut volume) = (0.0, 0.0, 0.0);
     for (index, region) in scene.regions.iter().enumerate() {
         let first = regions.len();
-        let source = one(region, index, map, duality, &mut regions, progress)?;
+        let tell = |share: f64| progress.at((1000.0 * (done + share * region.optical_mass()) / whole) as u64);
+        let source = one(region, index, map, duality, &mut regions, progress, &tell)?;
         let (o, v) = sticking_out(region, &regions[first..], Rng::new(duality.seed, Stage::Regions, u64::MAX - index as u64));
         (out, volume) = (out + o, volume + v);
         done += source.mass;
@@ -106,6 +107,7 @@ fn one(
     duality: &Duality,
     made: &mut Vec<Region>,
     progress: &dyn Progress,
+    tell: &dyn Fn(f64),
 ) -> Result<Source> {
     let photons = map.of_region(index);
     let estimate = duality.estimate.unwrap_or(((photons.len() as f64).sqrt().round() as u64).max(1));
@@ -126,6 +128,7 @@ fn one(
     let (mut left, mut refused) = (volume, 0);
     for batch in 0u64.. {
         progress.check()?;
+        tell(1.0 - left / volume);
         let largest = match duality.model {
             // A ball larger than the region it refines could only be the region again, elsewhere.
             Model::Physical => 0.5 * region.shape.thickness(),

@@ -158,6 +158,7 @@ impl Run {
             return usage("--photons can be at most 4294967295");
         }
         let mut grids: Vec<GridName> = self.grids.iter().map(|&g| g.into()).collect();
+        grids.sort_unstable_by_key(|g| g.as_str());
         grids.dedup();
         Ok(Job {
             input,

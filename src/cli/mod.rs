@@ -53,11 +53,11 @@ fn run(run: &Run) -> Result<(), Error> {
         print((report.json() + "\n").as_bytes())?;
     }
     match run.progress {
+        _ if run.quiet => {}
         ProgressStyle::Json => {
             event(&serde_json::json!({"event": "done", "seconds": report.seconds, "outputs": report.outputs, "notes": report.notes}))
         }
-        ProgressStyle::Bar if !run.quiet => say(report.table(run.verbose).trim_end()),
-        ProgressStyle::Bar => {}
+        ProgressStyle::Bar => say(report.table(run.verbose).trim_end()),
     }
     Ok(())
 }

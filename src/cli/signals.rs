@@ -1,10 +1,10 @@
-//! Ctrl-C and SIGTERM: the run is asked to stop; if it cannot at once, the process ends anyway, leaving no partial file.
+//! Ctrl-C, SIGTERM and SIGHUP: the run is asked to stop; if it cannot at once, the process ends anyway, leaving no partial file.
 
 use super::args::ProgressStyle;
 use super::complain;
 use crate::error::Error;
 use crate::export::staged;
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,9 +15,14 @@ const GRACE: Duration = Duration::from_millis(100);
 
 /// Watches for signals from now on.
 pub fn watch(cancelled: Arc<AtomicBool>, style: ProgressStyle) -> Result<(), Error> {
-    let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(|e| Error::Usage(format!("signals cannot be watched: {e}")))?;
+    let mut signals =
+        Signals::new([SIGINT, SIGTERM, SIGHUP, SIGXFSZ]).map_err(|e| Error::Usage(format!("signals cannot be watched: {e}")))?;
     std::thread::spawn(move || {
-        for _ in signals.forever() {
+        for signal in signals.forever() {
+            // A file over the limit: the write that asked for it fails, and says so.
+            if signal == SIGXFSZ {
+                continue;
+            }
             cancelled.store(true, Ordering::Relaxed);
             std::thread::sleep(GRACE);
             // Whatever still runs holds nothing but temporary files.

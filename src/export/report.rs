@@ -4,7 +4,8 @@ use super::vdb::GridSummary;
 use super::voxelise::Up;
 use crate::error::Result;
 use crate::import::{Became, Finding};
-use crate::photon::{Model, Shot, trace::Fate};
+use crate::photon::trace::{FATES, Fate};
+use crate::photon::{Model, Shot};
 use crate::plan::{Density, Effect, Plan};
 use crate::regions::{Placement, Source};
 use crate::stats::Estimate;
@@ -105,7 +106,7 @@ pub struct Photons {
     pub collisions_per_photon: f64,
 }
 
-/// The energy balance, as shares of the power emitted toward the regions.
+/// The energy balance, as shares of the power that was aimed at the regions or that surfaces sent toward them.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Energy {
     /// Absorbed in regions.
@@ -118,7 +119,9 @@ pub struct Energy {
     pub attenuated: Estimate,
     /// Cut after a million collisions.
     pub truncated: Estimate,
-    /// The five above less 1.
+    /// What chance took at surfaces and did not give back; zero within its error.
+    pub roulette: Estimate,
+    /// All of the above less 1.
     pub imbalance: f64,
 }
 
@@ -180,13 +183,14 @@ impl Energy {
     /// The balance of a finished pass 1.
     pub fn of(shot: &Shot) -> Self {
         let share = |fate: Fate| shot.energy.ratio(fate as usize);
-        let sum: f64 = (0..5).map(|i| shot.energy.ratio(i).value).sum();
+        let sum: f64 = (0..FATES).map(|i| shot.energy.ratio(i).value).sum();
         Energy {
             absorbed_medium: share(Fate::AbsorbedMedium),
             absorbed_surface: share(Fate::AbsorbedSurface),
             escaped: share(Fate::Escaped),
             attenuated: share(Fate::Attenuated),
             truncated: share(Fate::Truncated),
+            roulette: share(Fate::Roulette),
             imbalance: sum - 1.0,
         }
     }
@@ -233,13 +237,19 @@ impl Report {
         }
         if let Some(e) = &self.energy {
             let part = |e: Estimate| format!("{:.2} +- {:.2} %", 100.0 * e.value, 100.0 * e.se);
-            let _ = writeln!(
+            let _ = write!(
                 t,
                 "energy    {} absorbed, {} by surfaces, {} escaped",
                 part(e.absorbed_medium),
                 part(e.absorbed_surface),
                 part(e.escaped)
             );
+            for (rest, words) in [(e.attenuated, "lost to eq. 25"), (e.truncated, "cut after a million collisions")] {
+                if rest.value > 0.0 {
+                    let _ = write!(t, ", {} {words}", part(rest));
+                }
+            }
+            t.push('\n');
         }
         if self.photons.is_some() {
             let r = &self.regions;
@@ -264,10 +274,11 @@ impl Report {
         if let Some(e) = &self.error {
             let _ = writeln!(
                 t,
-                "error     {:.1} % in the photon density of a region, {:.2} % of the optical mass missing; {} photons would halve the first in about {}",
+                "error     {:.1} % in the photon density of a region, {:.2} % of the optical mass missing; {} photons{} would halve the first in about {}",
                 100.0 * e.photon_density,
                 100.0 * e.optical_mass,
                 e.photons_for_half,
+                self.settings.estimate.map_or(String::new(), |n| format!(" with --estimate {}", 4 * n)),
                 duration(e.seconds_for_half)
             );
             let through = |e: Estimate| format!("{:.2} +- {:.2} %", 100.0 * e.value, 100.0 * e.se);

@@ -39,7 +39,8 @@ impl Staged {
     pub fn check(targets: &[PathBuf], overwrite: bool) -> Result<()> {
         for (i, target) in targets.iter().enumerate() {
             let wrong = |reason: &str, fix: &str| Err(Error::Write { target: target.clone(), reason: reason.into(), fix: fix.into() });
-            if targets[..i].contains(target) {
+            let place = |t: &Path| (folder(t).canonicalize().ok(), t.file_name().map(std::ffi::OsStr::to_os_string));
+            if targets[..i].iter().any(|t| t == target || place(t) == place(target)) {
                 return Err(Error::Usage(format!("-o {} is given twice: name each target once", target.display())));
             }
             match std::fs::metadata(target) {

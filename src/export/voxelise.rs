@@ -94,7 +94,7 @@ pub fn voxel_size(regions: &[Region], asked: Option<f64>, max_voxels: u64) -> Re
         return Ok((size, false));
     }
     let (mut low, mut high) = (size, size * 2.0);
-    while active_voxels(regions, high) > max_voxels as f64 && high.is_finite() {
+    while active_voxels(regions, high) > max_voxels as f64 && high < f64::MAX / 2.0 {
         (low, high) = (high, high * 2.0);
     }
     for _ in 0..40 {
@@ -103,7 +103,7 @@ pub fn voxel_size(regions: &[Region], asked: Option<f64>, max_voxels: u64) -> Re
     }
     let fitting = round_up(high);
     match asked {
-        Some(voxel_size) => Err(Error::TooManyVoxels { voxel_size, voxels: needed as u64, max_voxels, fitting }),
+        Some(voxel_size) => Err(Error::TooManyVoxels { voxel_size, voxels: needed, max_voxels, fitting }),
         None => Ok((fitting, true)),
     }
 }
@@ -116,6 +116,10 @@ fn active_voxels(regions: &[Region], size: f64) -> f64 {
         _ => grown(shape.bounds().size()),
     };
     let bounds = regions.iter().fold(Bounds::EMPTY, |b, r| b.union(r.shape.bounds()));
+    // Indices are 32-bit.
+    if bounds.size().max_element() / size > f64::from(1 << 30) {
+        return f64::INFINITY;
+    }
     regions.iter().map(|r| one(&r.shape)).sum::<f64>().min(grown(bounds.size()))
 }
 

@@ -4,9 +4,11 @@
 //! uniformly over its cells, so that almost none misses. Light that reaches a region only by way of a surface starts
 //! outside the mask, more densely near the regions. Together the two strata cover every path that matters exactly once.
 
+use super::aim::Aim;
 use crate::geom::{Bounds, Ray, basis};
 use crate::rng::Rng;
 use crate::sampling::uniform_disc;
+use crate::scene::medium::luminance;
 use crate::scene::{Scene, Shape, Sun};
 use crate::trimesh::TriMesh;
 use glam::{DVec3, Vec2, Vec3};
@@ -50,6 +52,8 @@ pub(super) struct Silhouette {
     far: f32,
     /// Whether any surface lies upstream of a region, and may shade it.
     shaded: bool,
+    /// What surfaces aim at.
+    aim: Aim,
     /// Photons that start outside the silhouette to bounce off surfaces.
     skirt: Option<Skirt>,
 }
@@ -72,6 +76,8 @@ pub struct Start {
     pub ray: Ray,
     /// Its weight in W: to be divided by the number of photons emitted. Zero where the stratum does not reach.
     pub power: f64,
+    /// Whether it is aimed at a region. Light that is aimed at surfaces counts once they send it toward one.
+    pub counted: bool,
 }
 
 impl Emitter {
@@ -86,6 +92,22 @@ impl Emitter {
         Emitter { axis, sin_alpha, irradiance: scene.sun.grey_irradiance(), target }
     }
 
+    /// What surfaces aim at; `None` where regions have no end.
+    pub(super) fn aim(&self) -> Option<&Aim> {
+        match &self.target {
+            Target::Tile { .. } => None,
+            Target::Silhouette(s) => Some(&s.aim),
+        }
+    }
+
+    /// The weight of photons that are aimed at regions, W.
+    pub(super) fn base_power(&self) -> f64 {
+        match &self.target {
+            Target::Tile { size, .. } => self.irradiance * f64::from(size.x) * f64::from(size.y),
+            Target::Silhouette(s) => self.irradiance * s.area(),
+        }
+    }
+
     /// Starts one photon. `surfaces` are looked at upstream, so that what shades the regions from afar does.
     pub fn emit(&self, rng: &mut Rng, surfaces: &TriMesh) -> Start {
         let direction =
@@ -94,7 +116,7 @@ impl Emitter {
             Target::Tile { min, size, top } => {
                 let p = *min + *size * Vec2::new(rng.uniform_f32(), rng.uniform_f32());
                 let power = self.irradiance * f64::from(size.x) * f64::from(size.y) * f64::from(-direction.z).max(0.0);
-                Start { ray: Ray { origin: p.extend(*top), direction }, power }
+                Start { ray: Ray { origin: p.extend(*top), direction }, power, counted: true }
             }
             Target::Silhouette(s) => s.emit(rng, direction, self.irradiance, surfaces),
         }
@@ -108,9 +130,8 @@ impl Silhouette {
             None => {
                 let cell = self.cells[((rng.uniform() * self.cells.len() as f64) as usize).min(self.cells.len() - 1)];
                 let corner = Vec2::new((cell as usize % self.width) as f32, (cell as usize / self.width) as f32);
-                let area = self.cells.len() as f64 * f64::from(self.cell) * f64::from(self.cell);
                 let p = self.corner + (corner + Vec2::new(rng.uniform_f32(), rng.uniform_f32())) * self.cell;
-                (p, self.upstream, area / (1.0 - self.skirt.as_ref().map_or(0.0, |s| s.probability)))
+                (p, self.upstream, self.area())
             }
             Some(skirt) => {
                 let (p, pdf) = skirt.sample(rng);
@@ -123,7 +144,12 @@ impl Silhouette {
         if self.shaded && aside.is_none() && surfaces.nearest(&Ray { origin, direction: -direction }, f32::INFINITY).is_some() {
             origin = plane - direction * self.far;
         }
-        Start { ray: Ray { origin, direction }, power: irradiance * area }
+        Start { ray: Ray { origin, direction }, power: irradiance * area, counted: aside.is_none() }
+    }
+
+    /// The mask's area over the share of photons that start over it, m^2.
+    fn area(&self) -> f64 {
+        self.cells.len() as f64 * f64::from(self.cell).powi(2) / (1.0 - self.skirt.as_ref().map_or(0.0, |s| s.probability))
     }
 
     /// Whether the mask holds the point of the plane.
@@ -155,7 +181,9 @@ fn tile(scene: &Scene, origin: DVec3, axis: Vec3) -> Target {
     let slope = (DVec3::new(axis.x.into(), axis.y.into(), 0.0) / f64::from(axis.z).min(-1e-3)).abs();
     let margin = if alone { DVec3::ZERO } else { (DVec3::splat(3.0) + slope) * height };
     let (min, max) = ((bounds.min - margin - origin).as_vec3(), (bounds.max + margin - origin).as_vec3());
-    let top = max.z.max((bounds.max.z - origin.z) as f32);
+    // Above everything, so that a roof shades what lies under it.
+    let highest = scene.surfaces.iter().fold(bounds, |b, s| b.union(s.mesh.bounds())).max.z;
+    let top = max.z.max((highest - origin.z) as f32);
     Target::Tile { min: min.truncate(), size: (max - min).truncate(), top: top + top.abs() * 1e-6 }
 }
 
@@ -194,6 +222,12 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
     // Turned by the sun's disc, a vertex at the far end rises by at most the disc's share of its distance.
     let tilt = f64::from(sin_alpha * far);
     let shaded = scene.surfaces.iter().flat_map(|s| &s.mesh.vertices).any(|&v| height(v) + tilt > -f64::from(upstream));
+    let ball = |shape: &Shape| {
+        let size = if is_sphere(shape) { shape.smallest_half_extent() } else { shape.bounds().size().length() * 0.5 };
+        (shape.centre() - origin).length() + size
+    };
+    let aim = Aim { radius: upstream.min(scene.regions.iter().map(|r| ball(&r.shape)).fold(0.0, f64::max) as f32 * 1.0001) };
+    let brightest = scene.surfaces.iter().map(|s| luminance(s.albedo)).fold(0.0, f64::max).clamp(0.0, 1.0) as f32;
     let skirt = (bounces && !scene.surfaces.is_empty()).then(|| {
         let (centre, radius) = ((corner + far_corner) * 0.5, (far_corner - corner).length() * 0.5);
         let corners = (0..8).map(|i| {
@@ -204,12 +238,13 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
         });
         let (min, max) = corners.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
         let grow = Vec2::splat(tan_alpha * far);
-        // As dense beside the silhouette as over it.
-        let (inner, area) = (std::f32::consts::TAU * radius * radius, cells.len() as f32 * cell * cell);
-        Skirt { centre, radius, probability: f64::from(inner / (inner + area)), min: min - grow, max: max + grow }
+        // A ball over endless ground of albedo a gets 2 a times the light of its cross-section from below: so many photons,
+        // for the two kinds to be about as strong.
+        let (below, area) = (2.0 * brightest * std::f32::consts::PI * aim.radius * aim.radius, cells.len() as f32 * cell * cell);
+        Skirt { centre, radius, probability: f64::from((below / (below + area)).min(0.8)), min: min - grow, max: max + grow }
     });
     let (upstream, far) = (upstream / cos_alpha, far / cos_alpha);
-    Silhouette { u, v, corner, cell, width, mask, cells, upstream, far, shaded, skirt }
+    Silhouette { u, v, corner, cell, width, mask, cells, upstream, far, shaded, aim, skirt }
 }
 
 /// A shape's shadow on the plane: centre, half extents, and whether it is an ellipse along the axes of the plane (else a rectangle).
@@ -231,6 +266,10 @@ fn projected(shape: &Shape, origin: DVec3, u: Vec3, v: Vec3, spread: f32) -> (Ve
             (centre, grow(Vec2::new(h.dot(u.abs()), h.dot(v.abs()))), false)
         }
     }
+}
+
+fn is_sphere(shape: &Shape) -> bool {
+    matches!(shape, Shape::Ellipsoid { world_from_unit } if is_round(world_from_unit.matrix3))
 }
 
 fn is_round(m: glam::DMat3) -> bool {

@@ -90,8 +90,7 @@ impl PhotonTree {
         ImmutableKdTree::new_from_source(photons, |p: &Photon, axis| p.position[axis], |i, _| i as u32).ok().map(PhotonTree)
     }
 
-    /// The number of photons within `radius` of `centre` (both relative to the map's origin); counting stops being exact above nothing:
-    /// all of them are counted.
+    /// The number of photons within `radius` metres of `centre` (relative to the map's origin).
     pub fn count_within(&self, centre: Vec3, radius: f32) -> u64 {
         let mut count = 0;
         self.0.query(&centre.to_array()).within::<SquaredEuclidean<f32>>(radius * radius).unsorted().visit(|_| count += 1);

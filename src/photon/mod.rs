@@ -1,5 +1,6 @@
 //! Pass 1 of the thesis (3.3.1): photons leave the sun, scatter in the regions and off surfaces, and are stored.
 
+mod aim;
 pub mod emit;
 pub mod map;
 mod rules;

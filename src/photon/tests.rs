@@ -57,7 +57,7 @@ fn energy_emitted_is_absorbed_or_escapes() {
     scene.surfaces = vec![ground(-1.5, 20.0, 0.6)];
     for model in [Model::Physical, Model::Hura2006] {
         let shot = tracer(&scene, model).fill(100_000, 3, &Silent).unwrap();
-        let ended: f64 = (0..5).map(|i| shot.energy.total(i)).sum();
+        let ended: f64 = (0..super::trace::FATES).map(|i| shot.energy.total(i)).sum();
         assert!((ended / shot.energy.denominator() - 1.0).abs() < 1e-6, "{model:?}: {ended}");
         assert!(shot.energy.total(Fate::AbsorbedSurface as usize) > 0.0);
         assert_eq!(shot.energy.total(Fate::Attenuated as usize) > 0.0, model == Model::Hura2006);

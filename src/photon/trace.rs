@@ -13,9 +13,11 @@ use crate::rng::{Rng, Stage};
 use crate::sampling::{around, cosine_hemisphere};
 use crate::scene::{Region, Scene, Shape, medium::luminance};
 use crate::stats::{Estimate, Ratios};
-use crate::trimesh::TriMesh;
+use crate::trimesh::{Hit, TriMesh};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use smallvec::SmallVec;
+use std::f64::consts::PI;
 use std::ops::Range;
 
 /// Paths in a batch: the item that has a stream of random numbers of its own.
@@ -40,10 +42,15 @@ pub enum Fate {
     Attenuated,
     /// Cut after a million collisions.
     Truncated,
+    /// What chance took at surfaces and did not give back: its expectation is zero.
+    Roulette,
 }
 
-/// The energy balance: five fates over the power that crossed the regions' silhouette (or started toward surfaces), by batch.
-pub type Energy = Ratios<5>;
+/// How many fates there are.
+pub const FATES: usize = 6;
+
+/// The energy balance: all fates over the power that crossed the regions' silhouette, or that surfaces sent toward them, by batch.
+pub type Energy = Ratios<FATES>;
 
 /// What a whole pass 1 gives.
 #[derive(Debug, Clone)]
@@ -84,7 +91,7 @@ struct Batch {
     photons: Vec<Photon>,
     /// The number of photons stored by the end of each path.
     ends: Vec<u32>,
-    fates: [f64; 5],
+    fates: [f64; FATES],
     power: f64,
     collisions: u64,
     interrupted: bool,
@@ -205,7 +212,7 @@ impl Tracer {
         let (mut batch, mut scratch) = (Batch::default(), Scratch::default());
         for _ in 0..BATCH_PATHS {
             let start = self.emitter.emit(&mut rng, &self.surfaces);
-            batch.power += start.power;
+            batch.power += if start.counted { start.power } else { 0.0 };
             match self.model {
                 Model::Physical => self.path::<Physical>(start, &mut rng, &mut batch, &mut scratch, wanted, progress),
                 Model::Hura2006 => self.path::<Hura2006>(start, &mut rng, &mut batch, &mut scratch, wanted, progress),
@@ -218,60 +225,124 @@ impl Tracer {
         batch
     }
 
+    /// One path with all its branches: a bounce toward the regions is a branch of its own.
     fn path<R: Rules>(&self, start: Start, rng: &mut Rng, batch: &mut Batch, scratch: &mut Scratch, wanted: u64, progress: &dyn Progress) {
-        let Start { mut ray, mut power } = start;
-        if power <= 0.0 {
-            return;
+        let mut left: SmallVec<[Branch; 8]> = SmallVec::new();
+        if start.power > 0.0 {
+            left.push(Branch { ray: start.ray, power: start.power, counted: start.counted, bounced: false });
         }
-        let (mut collisions, mut bounced, mut hint) = (0u64, false, 0.0);
+        while let Some(branch) = left.pop() {
+            self.branch::<R>(branch, rng, batch, scratch, &mut left, wanted, progress);
+            if batch.interrupted {
+                return;
+            }
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn branch<R: Rules>(
+        &self,
+        mut at: Branch,
+        rng: &mut Rng,
+        batch: &mut Batch,
+        scratch: &mut Scratch,
+        left: &mut SmallVec<[Branch; 8]>,
+        wanted: u64,
+        progress: &dyn Progress,
+    ) {
+        let (mut collisions, mut hint) = (0u64, 0.0);
         loop {
             let tau = R::optical_depth(rng);
-            let flight = self.media.fly(&ray, f32::INFINITY, tau, hint, || rng.uniform(), scratch);
+            let flight = self.media.fly(&at.ray, f32::INFINITY, tau, hint, || rng.uniform(), scratch);
             let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
-            if let Some(hit) = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&ray, reach) } {
-                if rng.uniform() >= self.albedos[hit.owner as usize] {
-                    return batch.end(Fate::AbsorbedSurface, power);
+            if let Some(hit) = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&at.ray, reach) } {
+                match self.bounce(&at, &hit, rng, batch, left) {
+                    Some(next) => at = next,
+                    None => return,
                 }
-                let p = ray.at(hit.t);
-                // Off the surface by more than the position's rounding, so that it is not met again.
-                let off = (p.abs().max_element().max(hit.t)) * 8.0 * f32::EPSILON;
-                ray = Ray { origin: p + hit.normal * off, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
-                (bounced, hint) = (true, 0.0);
+                hint = 0.0;
                 continue;
             }
             let Flight::Collision { distance, region, sigma_t } = flight else {
-                return batch.end(Fate::Escaped, power);
+                return batch.end(Fate::Escaped, &at);
             };
             let optics = self.media.optics(region);
-            let p = self.wrapped(ray.at(distance));
+            let p = self.wrapped(at.ray.at(distance));
             collisions += 1;
             batch.collisions += 1;
-            let kept = power * R::attenuation(tau);
-            batch.fates[Fate::Attenuated as usize] += power - kept;
-            power = kept;
-            if (collisions > 1 || bounced) && (batch.photons.len() as u64) < wanted && self.in_tile(region, p) {
-                let stored = power * R::stored(optics.albedo);
+            let kept = at.power * R::attenuation(tau);
+            batch.fates[Fate::Attenuated as usize] += at.power - kept;
+            at.power = kept;
+            if (collisions > 1 || at.bounced) && (batch.photons.len() as u64) < wanted && self.in_tile(region, p) {
+                let stored = at.power * R::stored(optics.albedo);
                 batch.photons.push(Photon {
                     position: p.to_array(),
-                    direction: pack_direction(ray.direction),
+                    direction: pack_direction(at.ray.direction),
                     power: stored as f32,
                     region,
                 });
             }
             if self.absorption && rng.uniform() >= optics.albedo {
-                return batch.end(Fate::AbsorbedMedium, power);
+                return batch.end(Fate::AbsorbedMedium, &at);
             }
             if collisions >= MAX_COLLISIONS {
-                return batch.end(Fate::Truncated, power);
+                return batch.end(Fate::Truncated, &at);
             }
             if collisions.is_multiple_of(4096) && progress.cancelled() {
                 batch.interrupted = true;
                 return;
             }
             let (cos, sin) = R::scatter(optics.g, rng.uniform());
-            ray = Ray { origin: p, direction: around(ray.direction, cos as f32, sin as f32, rng.uniform_f32()) };
+            at.ray = Ray { origin: p, direction: around(at.ray.direction, cos as f32, sin as f32, rng.uniform_f32()) };
             hint = sigma_t;
         }
+    }
+
+    /// A Lambertian bounce (thesis eq. 26). What goes toward the regions is a branch of its own, sampled over the cone of
+    /// their bounding sphere, so that light from far ground arrives by many weak photons and not by a few strong ones; what
+    /// goes elsewhere is sampled over the hemisphere and dropped inside the cone. Returns how the latter goes on.
+    fn bounce(&self, at: &Branch, hit: &Hit, rng: &mut Rng, batch: &mut Batch, left: &mut SmallVec<[Branch; 8]>) -> Option<Branch> {
+        let albedo = self.albedos[hit.owner as usize];
+        let p = at.ray.at(hit.t);
+        // Off the surface by more than the position's rounding, so that it is not met again.
+        let origin = p + hit.normal * (p.abs().max_element().max(hit.t) * 8.0 * f32::EPSILON);
+        let cone = self.emitter.aim().filter(|_| albedo > 0.0).and_then(|aim| aim.seen_from(origin));
+        if let Some(cone) = &cone {
+            let direction = cone.sample(rng);
+            let cos = f64::from(direction.dot(hit.normal)).max(0.0);
+            let power = at.power * albedo * cos * cone.solid_angle / PI;
+            // Branches too weak to matter play roulette.
+            let floor = 0.1 * self.emitter.base_power();
+            let kept = if power >= floor {
+                power
+            } else if rng.uniform() * floor < power {
+                floor
+            } else {
+                0.0
+            };
+            batch.shift(Fate::Roulette, at, -kept);
+            if kept > 0.0 {
+                if !at.counted {
+                    batch.power += kept;
+                }
+                left.push(Branch { ray: Ray { origin, direction }, power: kept, counted: true, bounced: true });
+            }
+        }
+        if rng.uniform() >= albedo {
+            batch.end(Fate::AbsorbedSurface, at);
+            return None;
+        }
+        let direction = cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32());
+        if cone.is_some_and(|cone| cone.holds(direction)) {
+            batch.shift(Fate::Roulette, at, at.power);
+            return None;
+        }
+        // Light that surfaces send to within the regions' bounding sphere has begun to count.
+        let counted = at.counted || self.emitter.aim().is_some_and(|aim| aim.holds(origin));
+        if counted && !at.counted {
+            batch.power += at.power;
+        }
+        Some(Branch { ray: Ray { origin, direction }, counted, bounced: true, ..*at })
     }
 
     fn wrapped(&self, p: Vec3) -> Vec3 {
@@ -286,8 +357,27 @@ impl Tracer {
     }
 }
 
+/// A photon on its way: its path may branch where it bounces.
+#[derive(Debug, Clone, Copy)]
+struct Branch {
+    ray: Ray,
+    power: f64,
+    /// Whether its power is in the energy balance: it crossed the silhouette, or a surface sent it toward the regions.
+    counted: bool,
+    /// Whether a surface has reflected it.
+    bounced: bool,
+}
+
 impl Batch {
-    fn end(&mut self, fate: Fate, power: f64) {
-        self.fates[fate as usize] += power;
+    /// A branch ends.
+    fn end(&mut self, fate: Fate, at: &Branch) {
+        self.shift(fate, at, at.power);
+    }
+
+    /// Some of a branch's power ends, if it is counted.
+    fn shift(&mut self, fate: Fate, at: &Branch, power: f64) {
+        if at.counted {
+            self.fates[fate as usize] += power;
+        }
     }
 }

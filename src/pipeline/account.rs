@@ -35,6 +35,9 @@ pub(super) fn opening(job: &Job, layout: &Layout, plan: &Plan) -> Report {
     }
 }
 
+/// Fewer photons than this say nothing about where light scatters.
+const FEWEST: u64 = 100;
+
 /// What pass 1 and the duality add to the report.
 pub(super) fn light(
     report: &mut Report,
@@ -46,7 +49,7 @@ pub(super) fn light(
     clock: &Clock,
 ) -> Result<()> {
     let scene = &layout.scene;
-    if synthesis.regions.is_empty() {
+    if synthesis.regions.is_empty() || shot.map.len() < FEWEST.min(job.photons) {
         return Err(too_thin(scene, shot, synthesis));
     }
     let made: f64 = synthesis.sources.iter().map(|s| s.synthesised).sum();
@@ -64,13 +67,13 @@ pub(super) fn light(
         ));
     }
     if shot.map.len() < job.photons {
-        report.notes.push(format!(
-            "the scene is so thin (optical depth {:.3} across its thickest region) that {} emitted photons left only {} of the {} asked for. Are its units right? A cloud has optical depth 10 and more",
-            thickest(scene),
-            shot.emitted,
-            shot.map.len(),
-            job.photons
-        ));
+        let (thickest, emitted, stored) = (thickest(scene), shot.emitted, shot.map.len());
+        let why = if thickest < 1.0 {
+            format!("its thickest region has optical depth {thickest:.3}. Are its units right? A cloud has 10 and more")
+        } else {
+            "few photons met a region: the layout is sparse".into()
+        };
+        report.notes.push(format!("{emitted} emitted photons left only {stored} of the {} asked for: {why}", job.photons));
     }
     report.photons = Some(Photons::of(shot));
     report.energy = Some(Energy::of(shot));
@@ -121,9 +124,20 @@ fn too_thin(scene: &Scene, shot: &Shot, synthesis: &Synthesis) -> Error {
         return Error::Scene { reason: "there is no region".into(), fix: "Add one".into() };
     };
     let (sigma, across) = (region.medium.sigma_t(), region.shape.thickness());
+    if region.medium.albedo() == 0.0 {
+        return Error::Scene {
+            reason: format!("{} absorbs all light: no photon scatters", region.name),
+            fix: "Give it a sigma_s (or an albedo) above zero".into(),
+        };
+    }
     let (stored, wanted) = synthesis.sources.iter().map(|s| (s.photons, s.estimate)).max().unwrap_or_default();
     let reason = match shot.map.len() {
-        0 => format!("no photon scatters twice: the thickest region, {}, has optical depth {:.3e} across", region.name, sigma * across),
+        n if n < FEWEST => format!(
+            "only {n} of {} photons are stored, because hardly any scatters twice: the thickest region, {}, has optical depth {:.3e} across",
+            shot.emitted,
+            region.name,
+            sigma * across
+        ),
         _ => format!(
             "no region came out: the fullest one holds {stored} photons, but nowhere do {wanted} of them lie within a free path ({:.3e} m; {} has optical depth {:.3} across)",
             1.0 / sigma,
