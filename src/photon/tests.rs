@@ -184,6 +184,12 @@ fn no_light_is_an_error_that_says_so() {
     roofed.surfaces = vec![ground(3.0, 50.0, 0.0)];
     let error = tracer(&roofed, Model::Physical).fill(100, 1, &Silent).unwrap_err().to_string();
     assert!(error.contains("surfaces stand between"), "{error}");
+    // A roof shades a layer without end too: light starts above both.
+    let slab = Shape::Slab { centre: DVec3::ZERO, half_height: 1.0, half_extent: DVec2::ONE };
+    let mut covered = overhead(vec![region(slab, Medium::with_albedo(5.0, 1.0, 0.0))]);
+    covered.surfaces = vec![ground(3.0, 50.0, 0.0)];
+    let error = tracer(&covered, Model::Physical).fill(100, 1, &Silent).unwrap_err().to_string();
+    assert!(error.contains("surfaces stand between"), "{error}");
 }
 
 #[test]
