@@ -79,6 +79,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     if let Some(same) = job.outputs.iter().find(|o| o.canonicalize().is_ok_and(|o| job.input.canonicalize().is_ok_and(|i| i == o))) {
         return Err(Error::Usage(format!("-o {} is the layout itself: name another file", same.display())));
     }
+    progress.begin("import", 1);
     let layout = import::load(&job.input, &job.import)?;
     let plan = Plan::for_scene(&layout.scene, job.density);
     clock.end("import");
@@ -119,6 +120,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
             up: job.vdb.up,
             grids: voxels.summary(),
         });
+        progress.begin("vdb", 1);
         for target in of(Format::Vdb, &job.outputs, &formats) {
             staged.add(target, |path| voxels.write(path, job.vdb.half, &metadata(job, &layout, &report)))?;
         }

@@ -19,7 +19,7 @@ pub struct Watch {
     cancelled: Arc<AtomicBool>,
     style: ProgressStyle,
     visible: bool,
-    stage: Mutex<Stage>,
+    stage: Arc<Mutex<Stage>>,
 }
 
 struct Stage {
@@ -35,7 +35,18 @@ impl Watch {
     pub fn new(style: ProgressStyle, quiet: bool) -> Self {
         let visible = !quiet && (style == ProgressStyle::Json || std::io::stderr().is_terminal());
         let stage = Stage { name: "", total: 0, began: Instant::now(), told: Instant::now(), bar: None };
-        Watch { cancelled: Arc::new(AtomicBool::new(false)), style, visible, stage: Mutex::new(stage) }
+        let watch = Watch { cancelled: Arc::new(AtomicBool::new(false)), style, visible, stage: Arc::new(Mutex::new(stage)) };
+        if visible && style == ProgressStyle::Bar {
+            // Stages that cannot tell how far they are (reading, OpenVDB writing) get their bar too.
+            let stage = Arc::clone(&watch.stage);
+            std::thread::spawn(move || {
+                loop {
+                    std::thread::sleep(BEAT);
+                    stage.lock().unwrap_or_else(PoisonError::into_inner).show(0);
+                }
+            });
+        }
+        watch
     }
 
     /// Set when the run should stop.
@@ -45,7 +56,9 @@ impl Watch {
 
     /// Takes the bar away.
     pub fn finish(&self) {
-        if let Some(bar) = self.lock().bar.take() {
+        let mut stage = self.lock();
+        stage.name = "";
+        if let Some(bar) = stage.bar.take() {
             bar.finish_and_clear();
         }
     }
@@ -57,6 +70,24 @@ impl Watch {
     fn tell(&self, stage: &Stage, done: u64) {
         let share = done.min(stage.total) as f64 / stage.total.max(1) as f64;
         event(&serde_json::json!({"event": "progress", "stage": stage.name, "done": done, "total": stage.total, "fraction": share}));
+    }
+}
+
+impl Stage {
+    /// The bar, once the stage has lasted long enough; it never goes back.
+    fn show(&mut self, done: u64) {
+        if self.name.is_empty() || self.began.elapsed() < PATIENCE {
+            return;
+        }
+        let (name, total) = (self.name, self.total);
+        let bar = self.bar.get_or_insert_with(|| {
+            let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
+            let template = BarStyle::with_template("{msg:>8} {bar:32} {percent:>3} % {eta:>4}");
+            bar.set_style(template.unwrap_or_else(|_| BarStyle::default_bar()));
+            bar.set_message(name);
+            bar
+        });
+        bar.set_position(done.max(bar.position()));
     }
 }
 
@@ -82,18 +113,7 @@ impl Progress for Watch {
                     self.tell(&stage, done);
                 }
             }
-            ProgressStyle::Bar => {
-                if stage.bar.is_none() && stage.began.elapsed() >= PATIENCE {
-                    let bar = ProgressBar::with_draw_target(Some(stage.total), ProgressDrawTarget::stderr());
-                    let template = BarStyle::with_template("{msg:>8} {bar:32} {percent:>3} % {eta:>4}");
-                    bar.set_style(template.unwrap_or_else(|_| BarStyle::default_bar()));
-                    bar.set_message(stage.name);
-                    stage.bar = Some(bar);
-                }
-                if let Some(bar) = &stage.bar {
-                    bar.set_position(done);
-                }
-            }
+            ProgressStyle::Bar => stage.show(done),
         }
     }
 
