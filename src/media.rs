@@ -328,6 +328,7 @@ fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(Vec3, f32,
             Solid::Slab { bottom: (z - half_height) as f32, top: (z + half_height) as f32 }
         }
         Shape::Mesh(mesh) => Solid::Mesh(TriMesh::new(&[mesh], origin)),
+        Shape::Grid(_) => Solid::Ball, // TODO grids
     }
 }
 

@@ -1,7 +1,7 @@
 //! Which effects a scene calls for: decided once, with the reason and the figure. Nobody decides again later.
 
 use crate::bvh::{Box3, Bvh};
-use crate::scene::{Region, Scene, Shape};
+use crate::scene::{Region, Scene};
 use serde::Serialize;
 
 /// Which medium is written, rendered and baked.
@@ -194,7 +194,7 @@ fn effect(name: EffectName, on: bool, bound: f64, reason: String, figure: f64) -
 
 /// How many regions' bounds meet another's.
 fn overlapping(regions: &[Region]) -> usize {
-    if regions.iter().any(|r| matches!(r.shape, Shape::Slab { .. })) && regions.len() > 1 {
+    if regions.iter().any(|r| r.shape.is_endless()) && regions.len() > 1 {
         return regions.len();
     }
     let origin = regions.first().map_or(glam::DVec3::ZERO, |r| r.shape.centre());
@@ -215,7 +215,7 @@ fn overlapping(regions: &[Region]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Medium, Surface};
+    use crate::scene::{Medium, Shape, Surface};
     use glam::DVec3;
 
     fn scene(second_at: f64) -> Scene {

@@ -9,11 +9,12 @@ use crate::photon::{Model, Photon, PhotonMap, PhotonTree};
 use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
 use crate::sampling::unit_ball;
-use crate::scene::{Mesh, Region, Scene, Shape};
+use crate::scene::{Mesh, Region, Scene, Shape, VoxelGrid};
 use crate::trimesh::TriMesh;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Candidates that share a stream of random numbers and are looked up together.
 const CANDIDATES: usize = 64;
@@ -221,7 +222,7 @@ impl<'a> Points<'a> {
             (Placement::Importance, _) => Points::Photons(photons, origin),
             (_, Shape::Ellipsoid { world_from_unit }) => Points::Ball(world_from_unit),
             (_, Shape::Slab { .. }) => Points::Box(region.shape.bounds(), None),
-            (_, Shape::Mesh(_)) => Points::Box(region.shape.bounds(), Some(Inside::new(&region.shape))),
+            (_, Shape::Mesh(_) | Shape::Grid(_)) => Points::Box(region.shape.bounds(), Some(Inside::new(&region.shape))),
         }
     }
 
@@ -247,6 +248,7 @@ enum Inside {
     Unit(glam::DAffine3),
     Layer(f64, f64),
     Mesh(TriMesh, DVec3),
+    Grid(Arc<VoxelGrid>),
 }
 
 impl Inside {
@@ -254,6 +256,7 @@ impl Inside {
         match shape {
             Shape::Ellipsoid { world_from_unit } => Inside::Unit(world_from_unit.inverse()),
             Shape::Slab { centre, half_height, .. } => Inside::Layer(centre.z, *half_height),
+            Shape::Grid(grid) => Inside::Grid(Arc::clone(grid)),
             Shape::Mesh(mesh) => {
                 let mesh: &Mesh = mesh;
                 let origin = mesh.bounds().centre();
@@ -266,6 +269,7 @@ impl Inside {
         match self {
             Inside::Unit(unit_from_world) => unit_from_world.transform_point3(p).length_squared() <= 1.0,
             Inside::Layer(z, half) => (p.z - z).abs() <= *half,
+            Inside::Grid(grid) => grid.density(p) > 0.0,
             Inside::Mesh(mesh, origin) => mesh.holds((p - origin).as_vec3()),
         }
     }

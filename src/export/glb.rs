@@ -72,6 +72,8 @@ impl Builder {
                 node["mesh"] = json!(cube);
                 node
             }
+            // Voxels have no place in glTF.
+            Shape::Grid(_) => return,
             Shape::Mesh(mesh) => {
                 extras["shape"] = json!("mesh");
                 json!({"mesh": self.mesh(mesh, None)})

@@ -7,10 +7,11 @@ use crate::error::{Error, Result};
 use crate::geom::{Bounds, Ray};
 use crate::progress::Progress;
 use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS};
-use crate::scene::{BrickGrid, Mesh, Region, Shape};
+use crate::scene::{BrickGrid, Mesh, Region, Shape, VoxelGrid};
 use crate::trimesh::TriMesh;
 use glam::{DAffine3, DMat3, DVec3, IVec3, Vec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A brick's smallest index and its samples.
@@ -159,6 +160,8 @@ enum Solid {
         mesh: Mesh,
         triangles: TriMesh,
     },
+    /// Samples, and the way from the lattice's index space to the world.
+    Grid(Arc<VoxelGrid>, DAffine3),
 }
 
 impl Voxels {
@@ -172,6 +175,11 @@ impl Voxels {
         match shape {
             Shape::Ellipsoid { world_from_unit } => Voxels::ellipsoid(DAffine3::from_mat3(turn) * *world_from_unit),
             Shape::Slab { .. } => Voxels { solid: Solid::Box(1.0), bounds: turned(shape.bounds()), lines: 1 },
+            Shape::Grid(grid) => Voxels {
+                solid: Solid::Grid(Arc::clone(grid), DAffine3::from_mat3(turn.transpose())),
+                bounds: turned(shape.bounds()),
+                lines: 2,
+            },
             Shape::Mesh(mesh) => {
                 let mesh = Mesh { vertices: mesh.vertices.iter().map(|&v| turn * v).collect(), triangles: mesh.triangles.clone() };
                 Voxels { bounds: mesh.bounds(), solid: Solid::Mesh { mesh, triangles: TriMesh::default() }, lines: 4 }
@@ -206,6 +214,12 @@ impl Voxels {
                 Voxels::ellipsoid(from_unit)
             }
             Solid::Box(share) => Voxels { solid: Solid::Box(share), bounds, lines: 1 },
+            Solid::Grid(grid, turn) => {
+                let world = turn * DAffine3::from_translation(anchor) * DAffine3::from_scale(DVec3::splat(size));
+                // As many points a voxel as it has samples along an edge, and where the lattices agree the samples themselves.
+                let lines = (size / grid.voxel_size()).ceil().clamp(1.0, 16.0) as i32;
+                Voxels { solid: Solid::Grid(grid, world), bounds: Bounds { min: bounds.min - 1.0, max: bounds.max + 1.0 }, lines }
+            }
             Solid::Mesh { mut mesh, .. } => {
                 mesh.vertices.iter_mut().for_each(|v| *v = index(*v));
                 let triangles = TriMesh::new(&[&mesh], bounds.centre());
@@ -249,6 +263,17 @@ impl Voxels {
             return;
         }
         let base = origin.as_dvec3();
+        if let Solid::Grid(grid, world) = &self.solid {
+            let (k, share) = (self.lines, weight / f64::from(self.lines.pow(3)));
+            for (voxel, value) in sum.iter_mut().enumerate() {
+                let corner = base + DVec3::new((voxel >> 6) as f64, (voxel >> 3 & 7) as f64, (voxel & 7) as f64);
+                for i in 0..k.pow(3) {
+                    let part = (DVec3::new(f64::from(i / k / k), f64::from(i / k % k), f64::from(i % k)) + 0.5) / f64::from(k);
+                    *value += share * grid.density(world.transform_point3(corner + part));
+                }
+            }
+            return;
+        }
         let mut crossings = Vec::new();
         for x in 0..BRICK_SIDE {
             for y in 0..BRICK_SIDE {
@@ -284,7 +309,7 @@ impl Voxels {
                                     add(column, share, f64::from(from) + shift, f64::from(to) + shift)
                                 });
                             }
-                            Solid::Box(_) => {}
+                            Solid::Box(_) | Solid::Grid(..) => {}
                         }
                     }
                 }

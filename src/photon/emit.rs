@@ -86,7 +86,7 @@ impl Emitter {
         let Sun { direction, angular_diameter, .. } = scene.sun;
         let sin_alpha = if sun_disc { (angular_diameter * 0.5).sin() as f32 } else { 0.0 };
         let axis = direction.as_vec3().normalize();
-        let slabs = scene.regions.iter().any(|r| matches!(r.shape, Shape::Slab { .. }));
+        let slabs = scene.regions.iter().any(|r| r.shape.is_endless());
         let target =
             if slabs { tile(scene, origin, axis) } else { Target::Silhouette(silhouette(scene, origin, axis, sin_alpha, bounces)) };
         Emitter { axis, sin_alpha, irradiance: scene.sun.grey_irradiance(), target }
@@ -176,7 +176,7 @@ impl Skirt {
 /// height and the shear of the light, from which nearly all light can still come.
 fn tile(scene: &Scene, origin: DVec3, axis: Vec3) -> Target {
     let bounds = scene.region_bounds();
-    let alone = scene.regions.iter().all(|r| matches!(r.shape, Shape::Slab { .. }));
+    let alone = scene.regions.iter().all(|r| r.shape.is_endless());
     let height = bounds.size().z;
     let slope = (DVec3::new(axis.x.into(), axis.y.into(), 0.0) / f64::from(axis.z).min(-1e-3)).abs();
     let margin = if alone { DVec3::ZERO } else { (DVec3::splat(3.0) + slope) * height };

@@ -122,9 +122,9 @@ impl Tracer {
         let origin = bounds.centre();
         let bounces = plan.on(EffectName::SurfaceBounce);
         let meshes: Vec<_> = scene.surfaces.iter().map(|s| &s.mesh).collect();
-        let alone = scene.regions.iter().all(|r| matches!(r.shape, Shape::Slab { .. }));
+        let alone = scene.regions.iter().all(|r| r.shape.is_endless());
         let local = |b: Bounds| ((b.min - origin).as_vec3(), (b.max - origin).as_vec3());
-        let tile = |shape: &Shape| (matches!(shape, Shape::Slab { .. }) && !alone).then(|| local(shape.bounds()));
+        let tile = |shape: &Shape| (shape.is_endless() && !alone).then(|| local(shape.bounds()));
         Tracer {
             media: Media::new(&scene.regions, origin),
             surfaces: TriMesh::new(&meshes, origin),

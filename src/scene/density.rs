@@ -25,6 +25,13 @@ impl BrickGrid {
         &self.values[i * BRICK_VOXELS..(i + 1) * BRICK_VOXELS]
     }
 
+    /// The sample at an index; 0 outside the bricks.
+    pub fn at(&self, index: [i32; 3]) -> f32 {
+        let origin = index.map(|i| i & !(BRICK_SIDE - 1));
+        let [x, y, z] = std::array::from_fn(|a| (index[a] - origin[a]) as usize);
+        self.origins.binary_search(&origin).map_or(0.0, |brick| self.brick(brick)[x << 6 | y << 3 | z])
+    }
+
     /// The volume of one voxel in m^3.
     pub fn voxel_volume(&self) -> f64 {
         self.world_from_index.matrix3.determinant().abs()

@@ -11,6 +11,7 @@ pub mod mesh;
 pub mod phase;
 pub mod region;
 pub mod surface;
+pub mod voxels;
 
 pub use camera::Camera;
 pub use density::BrickGrid;
@@ -19,6 +20,7 @@ pub use medium::Medium;
 pub use mesh::Mesh;
 pub use region::{Region, Shape};
 pub use surface::Surface;
+pub use voxels::VoxelGrid;
 
 use crate::geom::Bounds;
 
@@ -31,6 +33,8 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// The only light of the thesis.
     pub sun: Sun,
+    /// The sky's radiance, the same from all directions, W m^-2 sr^-1, RGB.
+    pub sky: [f64; 3],
     /// The camera, where the file has one.
     pub camera: Option<Camera>,
 }

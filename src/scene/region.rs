@@ -1,6 +1,6 @@
 //! Regions: a shape in world space, filled with a homogeneous medium.
 
-use super::{Medium, Mesh};
+use super::{Medium, Mesh, VoxelGrid};
 use crate::geom::Bounds;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use std::sync::Arc;
@@ -37,9 +37,20 @@ pub enum Shape {
     },
     /// The inside of a closed mesh, by its winding number.
     Mesh(Arc<Mesh>),
+    /// Voxels: the region's medium is that of a sample of 1.
+    Grid(Arc<VoxelGrid>),
 }
 
 impl Shape {
+    /// Whether it goes on horizontally without end: a slab, or a grid that is repeated.
+    pub fn is_endless(&self) -> bool {
+        match self {
+            Shape::Slab { .. } => true,
+            Shape::Grid(grid) => grid.periodic,
+            _ => false,
+        }
+    }
+
     /// A sphere by its centre and radius in metres.
     pub fn sphere(centre: DVec3, radius: f64) -> Self {
         Shape::Ellipsoid { world_from_unit: DAffine3 { matrix3: DMat3::from_diagonal(DVec3::splat(radius)), translation: centre } }
@@ -51,6 +62,7 @@ impl Shape {
             Shape::Ellipsoid { world_from_unit } => world_from_unit.translation,
             Shape::Slab { centre, .. } => *centre,
             Shape::Mesh(mesh) => mesh.bounds().centre(),
+            Shape::Grid(grid) => grid.bounds().centre(),
         }
     }
 
@@ -68,32 +80,37 @@ impl Shape {
                 Bounds { min: *centre - half, max: *centre + half }
             }
             Shape::Mesh(mesh) => mesh.bounds(),
+            Shape::Grid(grid) => grid.bounds(),
         }
     }
 
-    /// Its volume in m^3: a slab's is that of its tile.
+    /// Its volume in m^3: a slab's is that of its tile, a grid's is weighed by its samples.
     pub fn volume(&self) -> f64 {
         match self {
             Shape::Ellipsoid { world_from_unit } => 4.0 / 3.0 * std::f64::consts::PI * world_from_unit.matrix3.determinant().abs(),
             Shape::Slab { half_height, half_extent, .. } => 8.0 * half_extent.x * half_extent.y * half_height,
             Shape::Mesh(mesh) => mesh.signed_volume().abs(),
+            Shape::Grid(grid) => grid.integral(),
         }
     }
 
     /// The smallest half extent in metres: a sphere's radius, an ellipsoid's shortest half-axis, half a slab's thickness,
-    /// half the smallest side of a mesh's bounds.
+    /// half the smallest side of a mesh's bounds, three voxels of a grid (the smallest thing that it can show).
     pub fn smallest_half_extent(&self) -> f64 {
         match self {
             Shape::Ellipsoid { world_from_unit } => smallest_stretch(world_from_unit.matrix3),
             Shape::Slab { half_height, .. } => *half_height,
             Shape::Mesh(mesh) => mesh.bounds().size().min_element() * 0.5,
+            Shape::Grid(grid) => 3.0 * grid.voxel_size(),
         }
     }
 
-    /// The longest way through it along a straight line, roughly, in metres: what "optical depth across" refers to.
+    /// The longest way through it along a straight line, roughly, in metres (weighed by its samples where it is a grid): what
+    /// "optical depth across" refers to.
     pub fn thickness(&self) -> f64 {
         match self {
             Shape::Slab { half_height, .. } => 2.0 * half_height,
+            Shape::Grid(grid) => grid.thickest(),
             _ => 2.0 * (self.volume() * 0.75 / std::f64::consts::PI).cbrt(),
         }
     }

@@ -1,0 +1,73 @@
+//! The film: what each pixel has received, by the way the light came.
+
+use crate::scene::medium::luminance;
+
+/// The depth of a pixel whose rays meet nothing, as Cycles writes it.
+pub const NOTHING: f32 = 1e10;
+
+/// What a pixel has received: radiance in W m^-2 sr^-1, linear RGB, the mean over the pixel's square (box filter).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Pixel {
+    /// Light that scattered once, in a medium, on its way to the camera.
+    pub volume_direct: [f32; 3],
+    /// Light whose last event before the camera was a medium's, and that scattered more than once.
+    pub volume_indirect: [f32; 3],
+    /// Light that came from a surface.
+    pub surface: [f32; 3],
+    /// The sky, seen through whatever is before it.
+    pub environment: [f32; 3],
+    /// The standard error (one sigma) of the sum of the four.
+    pub standard_error: [f32; 3],
+    /// The share of light from behind all media, or from the surface that is met, that reaches the camera unscattered.
+    pub transmittance: f32,
+    /// The share of rays that end at a surface.
+    pub opaque: f32,
+    /// The mean distance along the camera's axis to the first event in a medium or on a surface, m; [`NOTHING`] without one.
+    pub depth: f32,
+}
+
+impl Pixel {
+    /// All light.
+    pub fn combined(&self) -> [f32; 3] {
+        std::array::from_fn(|c| self.volume_direct[c] + self.volume_indirect[c] + self.surface[c] + self.environment[c])
+    }
+
+    /// How much of the pixel is covered, 0 to 1: what neither passes the media nor misses the surfaces.
+    pub fn coverage(&self) -> f32 {
+        1.0 - self.transmittance * (1.0 - self.opaque)
+    }
+}
+
+/// A picture: rows from the top, pixels from the left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Film {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width * height` pixels, row by row.
+    pub pixels: Vec<Pixel>,
+    /// Whether there is a sky: then the picture is opaque, and else its alpha is [`Pixel::coverage`].
+    pub sky: bool,
+}
+
+impl Film {
+    /// The mean luminance over the picture.
+    pub fn mean(&self) -> f64 {
+        self.pixels.iter().map(|p| grey(p.combined())).sum::<f64>() / self.pixels.len() as f64
+    }
+
+    /// The relative standard error of a pixel: the root of the mean squared one, over the mean luminance.
+    ///
+    /// Pixels are weighed alike; those that receive nothing and know it do not make it smaller.
+    pub fn relative_error(&self) -> f64 {
+        let lit = self.pixels.iter().filter(|p| grey(p.combined()) > 0.0);
+        let (n, error, sum) =
+            lit.fold((0.0, 0.0, 0.0), |(n, error, sum), p| (n + 1.0, error + grey(p.standard_error).powi(2), sum + grey(p.combined())));
+        if sum > 0.0 { (error / f64::max(n, 1.0)).sqrt() / (sum / n) } else { 0.0 }
+    }
+}
+
+fn grey(rgb: [f32; 3]) -> f64 {
+    luminance(rgb.map(f64::from))
+}

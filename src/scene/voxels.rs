@@ -1,0 +1,102 @@
+//! A voxel grid as a shape: where it is, and how much it holds.
+
+use super::BrickGrid;
+use super::density::BRICK_VOXELS;
+use crate::geom::Bounds;
+use glam::DVec3;
+
+/// A grid of densities as a region's shape. A sample times the region's medium is extinction: the medium is that of a
+/// sample of 1. Between samples density is trilinear; outside it is zero.
+#[derive(Debug, Clone)]
+pub struct VoxelGrid {
+    /// The samples; none is negative, all are finite.
+    pub bricks: BrickGrid,
+    /// The smallest index of the samples that count: a tile begins here, and the bounds half a voxel before it.
+    pub min: [i32; 3],
+    /// The largest.
+    pub max: [i32; 3],
+    /// Whether the grid is repeated along its first two axes without end (`--periodic xy`).
+    pub periodic: bool,
+    integral: f64,
+    thickest: f64,
+}
+
+impl VoxelGrid {
+    /// A grid whose samples from `min` to `max` (inclusive) count.
+    pub fn new(bricks: BrickGrid, min: [i32; 3], max: [i32; 3], periodic: bool) -> Self {
+        let integral = bricks.integral();
+        let thickest = thickest(&bricks);
+        VoxelGrid { bricks, min, max, periodic, integral, thickest }
+    }
+
+    /// The bounds of its voxels in the world; of one tile where it is periodic.
+    pub fn bounds(&self) -> Bounds {
+        let end = |i: usize, far: bool| if far { f64::from(self.max[i]) + 0.5 } else { f64::from(self.min[i]) - 0.5 };
+        (0..8usize).fold(Bounds::EMPTY, |bounds, corner| {
+            let index = DVec3::from_array(std::array::from_fn(|i| end(i, corner >> i & 1 == 1)));
+            bounds.include(self.bricks.world_from_index.transform_point3(index))
+        })
+    }
+
+    /// The density at a point of the world, trilinear between samples: the slow way, for a few points.
+    pub fn density(&self, p: DVec3) -> f64 {
+        let p = self.bricks.world_from_index.inverse().transform_point3(p);
+        let (base, f) = (p.floor(), p - p.floor());
+        (0..8usize).fold(0.0, |sum, corner| {
+            let side = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+            let weight: f64 = (0..3).map(|a| if side[a] == 1 { f[a] } else { 1.0 - f[a] }).product();
+            sum + weight * f64::from(self.sample(std::array::from_fn(|a| base[a] as i32 + side[a] as i32)))
+        })
+    }
+
+    /// The sample at an index, of whichever tile.
+    pub fn sample(&self, mut index: [i32; 3]) -> f32 {
+        if self.periodic {
+            for axis in 0..2 {
+                index[axis] = self.min[axis] + (index[axis] - self.min[axis]).rem_euclid(self.max[axis] - self.min[axis] + 1);
+            }
+        }
+        self.bricks.at(index)
+    }
+
+    /// The integral of density over space: its value times m^3.
+    pub fn integral(&self) -> f64 {
+        self.integral
+    }
+
+    /// The largest integral of density along a column of samples of any axis: its value times m.
+    pub fn thickest(&self) -> f64 {
+        self.thickest
+    }
+
+    /// The shortest edge of a voxel, m.
+    pub fn voxel_size(&self) -> f64 {
+        let m = self.bricks.world_from_index.matrix3;
+        [m.x_axis, m.y_axis, m.z_axis].iter().map(|a| a.length()).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// The largest sum over a column of samples, times the samples' distance along it.
+fn thickest(bricks: &BrickGrid) -> f64 {
+    let m = bricks.world_from_index.matrix3;
+    let steps = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
+    let mut most = 0.0f64;
+    for axis in 0..3 {
+        // Bricks of one column stand together, once sorted by their other two coordinates.
+        let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut order: Vec<u32> = (0..bricks.origins.len() as u32).collect();
+        order.sort_unstable_by_key(|&i| (bricks.origins[i as usize][a], bricks.origins[i as usize][b]));
+        let column = |i: u32| (bricks.origins[i as usize][a], bricks.origins[i as usize][b]);
+        for group in order.chunk_by(|&i, &j| column(i) == column(j)) {
+            let mut sums = [0.0f64; 64];
+            for &brick in group {
+                for (voxel, &value) in bricks.brick(brick as usize).iter().enumerate().take(BRICK_VOXELS) {
+                    let local = [voxel >> 6, voxel >> 3 & 7, voxel & 7];
+                    sums[local[a] * 8 + local[b]] += f64::from(value);
+                }
+            }
+            most = most.max(steps[axis] * sums.iter().copied().fold(0.0, f64::max));
+        }
+    }
+    most
+}
