@@ -1,4 +1,4 @@
-//! The scene's participating media as rays see them: overlapping homogeneous regions in closed form.
+//! The scene's participating media as rays see them: overlapping homogeneous regions in closed form, voxel grids by null collisions.
 //!
 //! No marching: the intervals in which a ray is inside each region are computed, their ends sorted, and the sampled
 //! optical depth spent from interval to interval. Nothing is carried over from one ray to the next, so there is no
@@ -6,11 +6,13 @@
 
 use crate::bvh::{Box3, Bvh};
 use crate::geom::Ray;
+use crate::rng::Rng;
 use crate::scene::{Region, Shape};
 use crate::trimesh::TriMesh;
 use balls::Balls;
 use cells::Cells;
 use glam::{DVec3, Mat3, Vec3};
+use grid::Grid;
 use smallvec::SmallVec;
 
 /// What a collision needs to know of its region.
@@ -26,8 +28,8 @@ pub struct Optics {
 
 #[derive(Debug, Clone)]
 enum Solid {
-    /// One of [`Balls`].
-    Ball,
+    /// One of [`Balls`], or of the grids.
+    Elsewhere,
     Ellipsoid {
         unit_from_world: Mat3,
         centre: Vec3,
@@ -53,6 +55,8 @@ pub struct Scratch {
     intervals: SmallVec<[Interval; 32]>,
     ends: SmallVec<[(f32, f32); 64]>,
     crossings: Vec<(f64, i32)>,
+    /// Samples above their majorant, which would bias a flight: none, by construction.
+    pub violations: u64,
 }
 
 /// Where a free flight ended.
@@ -64,7 +68,7 @@ pub enum Flight {
         distance: f32,
         /// The region that the photon collided in, chosen in proportion to extinction where regions overlap.
         region: u32,
-        /// Extinction of all regions there, 1/m.
+        /// Extinction of all homogeneous regions there, 1/m; 0 where it was a grid and this is not known.
         sigma_t: f64,
     },
     /// Out of all media, or at the end of the stretch that was asked for.
@@ -83,6 +87,7 @@ pub struct Media {
     others: Bvh,
     /// Slabs have no bounds: every ray looks at them.
     unbounded: Vec<u32>,
+    grids: Vec<Grid>,
 }
 
 impl Media {
@@ -101,6 +106,7 @@ impl Media {
             cells: if balls.len() == regions.len() && !balls.is_empty() { Cells::new(&balls, &optics) } else { Cells::default() },
             balls: Balls::new(&balls),
             others: Bvh::new(&(0..regions.len()).map(bounded).collect::<Vec<_>>(), 2),
+            grids: regions.iter().zip(0..).filter_map(|(r, i)| grid(i, r, origin)).collect(),
             solids,
             optics,
             unbounded,
@@ -113,12 +119,65 @@ impl Media {
         self.optics[region as usize]
     }
 
-    /// Flies along `ray`, at most `t_max` metres, until `tau` of optical depth is spent.
+    /// Flies along `ray`, at most `t_max` metres, to the first collision.
+    ///
+    /// Homogeneous regions are crossed in closed form until `tau`, an exponential optical depth, is spent; each grid has a
+    /// flight of its own by null collisions, and the shortest counts: the first of independent Poisson processes. `hint` as
+    /// in [`Media::fly_regions`].
+    #[inline]
+    pub fn fly(&self, ray: &Ray, t_max: f32, tau: f64, hint: f64, rng: &mut Rng, scratch: &mut Scratch) -> Flight {
+        let mut flight = if self.solids.len() == self.grids.len() {
+            Flight::Passed
+        } else {
+            self.fly_regions(ray, t_max, tau, hint, || rng.uniform(), scratch)
+        };
+        let mut reach = if let Flight::Collision { distance, .. } = flight { distance } else { t_max };
+        for grid in &self.grids {
+            if let Some(distance) = grid.fly(ray, reach, rng, &mut scratch.violations) {
+                reach = distance;
+                flight = Flight::Collision { distance, region: grid.region, sigma_t: 0.0 };
+            }
+        }
+        flight
+    }
+
+    /// An unbiased estimate of the transmittance along `ray` over its first `t_max` metres: closed form, and through
+    /// grids exact until roulette ends what is faint.
+    pub fn transmittance(&self, ray: &Ray, t_max: f32, rng: &mut Rng, scratch: &mut Scratch) -> f64 {
+        let mut left = if self.solids.len() == self.grids.len() { 1.0 } else { (-self.depth_of_regions(ray, t_max, scratch)).exp() };
+        for grid in &self.grids {
+            left *= grid.transmittance(ray, t_max, rng);
+        }
+        left
+    }
+
+    /// Prepares [`Media::sunlight`] for a sun in direction `toward`.
+    pub fn learn_shade(&mut self, toward: Vec3) {
+        self.grids.iter_mut().for_each(|grid| grid.learn_shade(toward));
+    }
+
+    /// The transmittance from `p` in direction `toward`, a point of the sun's disc; an unbiased estimate.
+    ///
+    /// Homogeneous regions in closed form. In a grid, what [`Media::learn_shade`] says serves as a control variate: it is always
+    /// counted, and what the exact transmittance differs by is looked at with a probability that grows with `weight`, what
+    /// full light would contribute compared with what is usual.
+    pub fn sunlight(&self, p: Vec3, toward: Vec3, weight: f32, rng: &mut Rng, scratch: &mut Scratch) -> f64 {
+        let ray = Ray { origin: p, direction: toward };
+        let clear = if self.solids.len() == self.grids.len() { 1.0 } else { (-self.depth_of_regions(&ray, f32::INFINITY, scratch)).exp() };
+        let depth = self.grids.iter().try_fold(0.0, |sum, grid| Some(sum + grid.shade(p)?));
+        let exact = |rng: &mut Rng| self.grids.iter().fold(clear, |left, grid| left * grid.transmittance(&ray, f32::INFINITY, rng));
+        let Some(depth) = depth.filter(|_| !self.grids.is_empty()) else { return exact(rng) };
+        let guess = clear * f64::from((-depth).exp());
+        let look = (LOOK * f64::from(weight) * guess + LEAST).min(1.0);
+        if rng.uniform() < look { guess + (exact(rng) - guess) / look } else { guess }
+    }
+
+    /// Flies through the homogeneous regions along `ray`, at most `t_max` metres, until `tau` of optical depth is spent.
     ///
     /// `hint` is a lower bound of the extinction where the ray starts (0 if unknown): the flight looks only as far as
     /// that extinction lets it, and farther only when the ray leaves earlier. `pick` in [0, 1) chooses the region where
     /// several overlap.
-    pub fn fly(&self, ray: &Ray, t_max: f32, tau: f64, hint: f64, pick: impl FnOnce() -> f64, scratch: &mut Scratch) -> Flight {
+    pub fn fly_regions(&self, ray: &Ray, t_max: f32, tau: f64, hint: f64, pick: impl FnOnce() -> f64, scratch: &mut Scratch) -> Flight {
         if let Some(near) = self.cells.near(ray.origin) {
             let reach = self.cells.margin.min(t_max);
             scratch.intervals.clear();
@@ -144,6 +203,42 @@ impl Media {
 
     /// The optical depth along `ray` over its first `t_max` metres.
     pub fn optical_depth(&self, ray: &Ray, t_max: f32, scratch: &mut Scratch) -> f64 {
+        self.depth_of_regions(ray, t_max, scratch) + self.grids.iter().fold(0.0, |sum, grid| sum + grid.optical_depth(ray, t_max))
+    }
+
+    /// Where the ray first meets the bounds of any region (0 within them): its shape, or the box of its voxels.
+    pub fn entrance(&self, ray: &Ray, scratch: &mut Scratch) -> Option<f32> {
+        self.within(ray, f32::INFINITY, scratch);
+        scratch.intervals.iter().map(|i| i.enter.max(0.0)).min_by(f32::total_cmp)
+    }
+
+    /// How much of the ray's first `t_max` metres lies within the bounds of any region, m.
+    pub fn length_inside(&self, ray: &Ray, t_max: f32, scratch: &mut Scratch) -> f64 {
+        self.within(ray, t_max, scratch);
+        scratch.intervals.sort_unstable_by(|a, b| a.enter.total_cmp(&b.enter));
+        let (mut sum, mut until) = (0.0, 0.0f32);
+        for i in &scratch.intervals {
+            let (from, to) = (i.enter.max(until), i.exit.min(t_max));
+            if to > from {
+                sum += f64::from(to) - f64::from(from);
+                until = to;
+            }
+        }
+        sum
+    }
+
+    /// Fills `scratch.intervals` as [`Media::intervals`] does, and with the boxes of grids.
+    fn within(&self, ray: &Ray, t_max: f32, scratch: &mut Scratch) {
+        self.intervals(ray, t_max, scratch);
+        for grid in &self.grids {
+            let (enter, exit) = grid.voxel_box(ray);
+            if enter < exit && exit > 0.0 && enter < t_max {
+                scratch.intervals.push(Interval { enter, exit, region: grid.region });
+            }
+        }
+    }
+
+    fn depth_of_regions(&self, ray: &Ray, t_max: f32, scratch: &mut Scratch) -> f64 {
         self.intervals(ray, t_max, scratch);
         let length = |i: &Interval| f64::from(i.exit.min(t_max)) - f64::from(i.enter.max(0.0));
         scratch.intervals.iter().map(|i| length(i) * self.optics(i.region).sigma_t).fold(0.0, |sum, depth| sum + depth)
@@ -161,7 +256,7 @@ impl Media {
                 }
             };
             match &self.solids[region as usize] {
-                Solid::Ball => {}
+                Solid::Elsewhere => {}
                 Solid::Ellipsoid { unit_from_world, centre } => {
                     let (enter, exit) = ray_unit_ball(*unit_from_world * (ray.origin - *centre), *unit_from_world * ray.direction);
                     keep(enter, exit);
@@ -197,6 +292,10 @@ impl Media {
         Flight::Collision { distance, region: chosen, sigma_t }
     }
 }
+
+/// The chance to look exactly at sunlight, over the share of it that is expected to arrive; and the least chance.
+const LOOK: f64 = 1.0;
+const LEAST: f64 = 0.05;
 
 /// With at most so many intervals, looking for the next end is faster than sorting all.
 const FEW: usize = 12;
@@ -306,6 +405,11 @@ fn ray_slab(z: f32, dz: f32, bottom: f32, top: f32) -> (f32, f32) {
     (a.min(b), a.max(b))
 }
 
+fn grid(index: u32, region: &Region, origin: DVec3) -> Option<Grid> {
+    let Shape::Grid(grid) = &region.shape else { return None };
+    Some(Grid::new(index, grid, region.medium.sigma_t(), origin))
+}
+
 fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(Vec3, f32, u32)>) -> Solid {
     match shape {
         Shape::Ellipsoid { world_from_unit } => {
@@ -318,7 +422,7 @@ fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(Vec3, f32,
             });
             if round {
                 balls.push((centre, radius as f32, index));
-                Solid::Ball
+                Solid::Elsewhere
             } else {
                 Solid::Ellipsoid { unit_from_world: m.inverse().as_mat3(), centre }
             }
@@ -328,11 +432,12 @@ fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(Vec3, f32,
             Solid::Slab { bottom: (z - half_height) as f32, top: (z + half_height) as f32 }
         }
         Shape::Mesh(mesh) => Solid::Mesh(TriMesh::new(&[mesh], origin)),
-        Shape::Grid(_) => Solid::Ball, // TODO grids
+        Shape::Grid(_) => Solid::Elsewhere,
     }
 }
 
 mod balls;
 mod cells;
+mod grid;
 #[cfg(test)]
 mod tests;

@@ -14,6 +14,10 @@ pub enum Stage {
     Regions = 2,
     /// Rays of sunlight that measure what was made.
     Sunlight = 3,
+    /// Camera rays.
+    Render = 4,
+    /// Photons of an energy balance.
+    Flux = 5,
 }
 
 /// A stream of uniform random numbers.
@@ -36,6 +40,14 @@ impl Rng {
     #[inline]
     pub fn uniform_f32(&mut self) -> f32 {
         (self.0.next_u64() >> 40) as f32 * (1.0 / (1u64 << 24) as f32)
+    }
+
+    /// Three uniform numbers in [0, 1), 21 random bits each.
+    #[inline]
+    pub fn uniform_vec3(&mut self) -> glam::Vec3 {
+        let bits = self.0.next_u64();
+        let part = |shift: u32| (bits >> shift & 0x1f_ffff) as f32 * (1.0 / (1u32 << 21) as f32);
+        glam::Vec3::new(part(43), part(22), part(1))
     }
 
     /// An optical depth from the exponential distribution, -ln(1 - xi): eq. 17 without its ln 0.

@@ -26,6 +26,14 @@ pub struct Hit {
     pub owner: u32,
 }
 
+impl Hit {
+    /// The point that `ray` hit, off the surface by more than the position's rounding, so that it is not met again.
+    pub fn off(&self, ray: &Ray) -> Vec3 {
+        let p = ray.at(self.t);
+        p + self.normal * (p.abs().max_element().max(self.t) * 8.0 * f32::EPSILON)
+    }
+}
+
 impl TriMesh {
     /// Compiles meshes relative to `origin`. Triangles without area are dropped: no ray can meet them.
     pub fn new(meshes: &[&Mesh], origin: DVec3) -> Self {

@@ -1,12 +1,34 @@
 //! The energy balance: where the sunlight goes that meets the media.
 
-use crate::error::Result;
-use crate::plan::Plan;
+use crate::error::{Error, Result};
+use crate::media::{Flight, Media, Scratch};
+use crate::photon::emit::Emitter;
+use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
-use crate::scene::Scene;
-use crate::stats::Estimate;
+use crate::rng::{Rng, Stage};
+use crate::sampling::{around, cosine_hemisphere};
+use crate::scene::phase::sample_henyey_greenstein;
+use crate::scene::{Medium, Region, Scene, medium::luminance};
+use crate::stats::{Estimate, Ratios};
+use crate::trimesh::TriMesh;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The energy balance of a scene: shares of the sunlight that crosses the media's bounds. They add up to 1.
+/// Photons that share a stream of random numbers.
+const BATCH: u64 = 1024;
+/// Batches that are traced before progress is told and the run can stop.
+const WAVE: u64 = 256;
+/// Below this weight a photon is absorbed as a whole or not at all.
+const LIGHT: f64 = 0.01;
+/// Collisions after which a path is cut, and counted as such.
+const MOST_COLLISIONS: u64 = 1 << 24;
+
+/// The energy balance of a scene: shares of the sunlight that crosses the media's bounds. The first five add up to 1.
+///
+/// A region's bounds are its surface, a grid's the box of its voxels. Light that never meets them does not count, nor does
+/// the sky's. Up and down go by the sign of the direction's z as it leaves. Where media or surfaces are coloured, shares are
+/// of luminance.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Flux {
     /// Leaves upward.
@@ -19,7 +41,7 @@ pub struct Flux {
     pub absorbed_medium: Estimate,
     /// Is absorbed by surfaces.
     pub absorbed_surface: Estimate,
-    /// The mean length of the way inside the media, m.
+    /// The mean length of the way within the bounds, m.
     pub mean_path_length: Estimate,
     /// The mean number of scatterings.
     pub mean_scatterings: Estimate,
@@ -31,10 +53,204 @@ pub struct Flux {
     pub truncated: u64,
 }
 
-/// The energy balance by `photons` emitted photons.
+/// What became of a photon, and what it went through: the order of the numerators.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Tally {
+    Up,
+    DownDirect,
+    DownDiffuse,
+    AbsorbedMedium,
+    AbsorbedSurface,
+    Length,
+    Scatterings,
+}
+
+const TALLIES: usize = 7;
+
+/// The energy balance by `photons` emitted photons. Deterministic for any number of threads.
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`]; [`crate::Error::Scene`] where no light reaches the media.
-pub fn flux(_: &Scene, _: &Plan, _photons: u64, _seed: u64, _: &dyn Progress) -> Result<Flux> {
-    unimplemented!()
+/// [`Error::Interrupted`]; [`Error::Scene`] where no sunlight reaches the media.
+pub fn flux(scene: &Scene, plan: &Plan, photons: u64, seed: u64, progress: &dyn Progress) -> Result<Flux> {
+    progress.begin("flux", photons);
+    let tracer = Tracer::new(scene, plan);
+    let batches = photons.div_ceil(BATCH);
+    let mut sums = Ratios::<TALLIES>::default();
+    let (mut crossed, mut collisions, mut truncated) = (0, 0, 0);
+    for wave in (0..batches).step_by(WAVE as usize) {
+        let done = AtomicU64::new(wave * BATCH);
+        let wave: Vec<Batch> = (wave..batches.min(wave + WAVE))
+            .into_par_iter()
+            .map(|item| {
+                let batch = tracer.batch(seed, item, BATCH.min(photons - item * BATCH), progress);
+                progress.at(done.fetch_add(BATCH, Ordering::Relaxed).min(photons));
+                batch
+            })
+            .collect();
+        progress.check()?;
+        for batch in wave {
+            sums.add(batch.tallies, batch.power);
+            crossed += batch.crossed;
+            collisions += batch.collisions;
+            truncated += batch.truncated;
+        }
+    }
+    if crossed == 0 {
+        return Err(Error::Scene {
+            reason: format!(
+                "of {photons} photons none reaches the media: the sun is dark, below the horizon of a layer without end, or surfaces stand before them"
+            ),
+            fix: "Give the sun a strength above zero, and check what lies between it and the cloud".into(),
+        });
+    }
+    let of = |tally: Tally| sums.ratio(tally as usize);
+    Ok(Flux {
+        up: of(Tally::Up),
+        down_direct: of(Tally::DownDirect),
+        down_diffuse: of(Tally::DownDiffuse),
+        absorbed_medium: of(Tally::AbsorbedMedium),
+        absorbed_surface: of(Tally::AbsorbedSurface),
+        mean_path_length: of(Tally::Length),
+        mean_scatterings: of(Tally::Scatterings),
+        photons: crossed,
+        collisions,
+        truncated,
+    })
+}
+
+/// One colour of light: its media, albedos, and its share of the luminance.
+#[derive(Debug)]
+struct Colour {
+    media: Media,
+    surfaces: Vec<f64>,
+    /// The share of photons up to and including this colour.
+    until: f64,
+}
+
+#[derive(Debug)]
+struct Tracer {
+    colours: Vec<Colour>,
+    surfaces: TriMesh,
+    emitter: Emitter,
+}
+
+#[derive(Debug, Default)]
+struct Batch {
+    tallies: [f64; TALLIES],
+    power: f64,
+    crossed: u64,
+    collisions: u64,
+    truncated: u64,
+}
+
+impl Tracer {
+    fn new(scene: &Scene, plan: &Plan) -> Self {
+        let origin = scene.region_bounds().centre();
+        let meshes: Vec<_> = scene.surfaces.iter().map(|s| &s.mesh).collect();
+        Tracer {
+            colours: colours(scene, origin),
+            surfaces: TriMesh::new(&meshes, origin),
+            emitter: Emitter::new(scene, origin, plan.on(EffectName::SunDisc), false),
+        }
+    }
+
+    fn batch(&self, seed: u64, item: u64, photons: u64, progress: &dyn Progress) -> Batch {
+        let mut rng = Rng::new(seed, Stage::Flux, item);
+        let (mut batch, mut scratch) = (Batch::default(), Scratch::default());
+        for _ in 0..photons {
+            if progress.cancelled() {
+                break;
+            }
+            self.photon(&mut batch, &mut rng, &mut scratch, progress);
+        }
+        batch
+    }
+
+    /// One photon from the sun to its end; its weights always add up to its power.
+    fn photon(&self, batch: &mut Batch, rng: &mut Rng, scratch: &mut Scratch, progress: &dyn Progress) {
+        let start = self.emitter.emit(rng, &self.surfaces);
+        let pick = if self.colours.len() > 1 { rng.uniform() } else { 0.0 };
+        let Some(colour) = self.colours.iter().find(|c| pick < c.until) else { return };
+        let (mut ray, mut weight) = (start.ray, start.power);
+        let Some(entrance) = colour.media.entrance(&ray, scratch) else { return };
+        if weight <= 0.0 || (!self.surfaces.is_empty() && self.surfaces.nearest(&ray, entrance).is_some()) {
+            return;
+        }
+        (batch.power, batch.crossed) = (batch.power + weight, batch.crossed + 1);
+        let (mut collisions, mut diffuse, mut hint) = (0u64, false, 0.0);
+        let least = LIGHT * weight;
+        let mut tally = |tally: Tally, amount: f64| batch.tallies[tally as usize] += amount;
+        loop {
+            let tau = rng.optical_depth();
+            let flight = colour.media.fly(&ray, f32::INFINITY, tau, hint, rng, scratch);
+            let distance = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
+            let hit = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&ray, distance) };
+            let flown = hit.map_or(distance, |h| h.t);
+            tally(Tally::Length, weight * colour.media.length_inside(&ray, flown, scratch));
+            let (albedo, absorbed) = match (&hit, flight) {
+                (Some(hit), _) => (colour.surfaces[hit.owner as usize], Tally::AbsorbedSurface),
+                (None, Flight::Collision { region, .. }) => (colour.media.optics(region).albedo, Tally::AbsorbedMedium),
+                (None, Flight::Passed) => {
+                    let up = ray.direction.z > 0.0;
+                    tally(if up { Tally::Up } else if diffuse { Tally::DownDiffuse } else { Tally::DownDirect }, weight);
+                    return;
+                }
+            };
+            if weight > least {
+                tally(absorbed, weight * (1.0 - albedo));
+                weight *= albedo;
+            } else if rng.uniform() >= albedo {
+                tally(absorbed, weight);
+                return;
+            }
+            if weight == 0.0 {
+                return;
+            }
+            diffuse = true;
+            if let Some(hit) = hit {
+                ray.origin = hit.off(&ray);
+                ray.direction = cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32());
+                hint = 0.0;
+            } else if let Flight::Collision { distance, region, sigma_t } = flight {
+                tally(Tally::Scatterings, weight);
+                ray.origin = ray.at(distance);
+                let (cos, sin) = sample_henyey_greenstein(colour.media.optics(region).g, rng.uniform());
+                ray.direction = around(ray.direction, cos as f32, sin as f32, rng.uniform_f32());
+                hint = sigma_t;
+                collisions += 1;
+                batch.collisions += 1;
+            }
+            let stuck = collisions >= MOST_COLLISIONS;
+            if stuck || (collisions % 4096 == 4095 && progress.cancelled()) {
+                tally(Tally::AbsorbedMedium, weight);
+                batch.truncated += u64::from(stuck);
+                return;
+            }
+        }
+    }
+}
+
+/// One colour where everything is grey, else three that share the photons by luminance.
+fn colours(scene: &Scene, origin: DVec3) -> Vec<Colour> {
+    let grey = |rgb: [f64; 3]| rgb[0] == rgb[1] && rgb[1] == rgb[2];
+    if scene.regions.iter().all(|r| r.medium.is_grey()) && scene.surfaces.iter().all(|s| grey(s.albedo)) {
+        let surfaces = scene.surfaces.iter().map(|s| s.albedo[0].clamp(0.0, 1.0)).collect();
+        return vec![Colour { media: Media::new(&scene.regions, origin), surfaces, until: 1.0 }];
+    }
+    let shares: [f64; 3] = std::array::from_fn(|c| {
+        let mut one = [0.0; 3];
+        one[c] = scene.sun.irradiance[c];
+        luminance(one)
+    });
+    let whole: f64 = shares.iter().sum();
+    let one = |c: usize| {
+        let of = |m: &Medium| Medium::grey(m.sigma_s[c], m.sigma_a[c], m.g);
+        let regions: Vec<Region> = scene.regions.iter().map(|r| Region { medium: of(&r.medium), ..r.clone() }).collect();
+        Colour {
+            media: Media::new(&regions, origin),
+            surfaces: scene.surfaces.iter().map(|s| s.albedo[c].clamp(0.0, 1.0)).collect(),
+            until: if c == 2 { 1.0 } else { shares[..=c].iter().sum::<f64>() / whole },
+        }
+    };
+    (0..3).map(one).collect()
 }

@@ -94,8 +94,8 @@ fn flights_end_where_the_optical_depth_is_spent_whatever_the_hint() {
             direction: random_direction(&mut rng),
         };
         let tau = rng.optical_depth();
-        let flight = media.fly(&ray, f32::INFINITY, tau, 0.0, || 0.5, &mut scratch);
-        assert_eq!(flight, media.fly(&ray, f32::INFINITY, tau, 1e9, || 0.5, &mut scratch));
+        let flight = media.fly_regions(&ray, f32::INFINITY, tau, 0.0, || 0.5, &mut scratch);
+        assert_eq!(flight, media.fly_regions(&ray, f32::INFINITY, tau, 1e9, || 0.5, &mut scratch));
         let whole = media.optical_depth(&ray, f32::INFINITY, &mut scratch);
         match flight {
             Flight::Collision { distance, region, .. } => {
@@ -131,8 +131,8 @@ fn overlapping_spheres_equal_one_sphere_of_summed_extinction() {
         };
         let (tau, pick) = (rng.optical_depth(), rng.uniform());
         match (
-            one.fly(&ray, f32::INFINITY, tau, 0.0, || pick, &mut scratch),
-            three.fly(&ray, f32::INFINITY, tau, 0.0, || pick, &mut scratch),
+            one.fly_regions(&ray, f32::INFINITY, tau, 0.0, || pick, &mut scratch),
+            three.fly_regions(&ray, f32::INFINITY, tau, 0.0, || pick, &mut scratch),
         ) {
             (Flight::Collision { distance: a, .. }, Flight::Collision { distance: b, region, .. }) => {
                 assert!((a - b).abs() < 1e-5);
@@ -161,7 +161,7 @@ fn slabs_and_spheres_share_their_light_path() {
     let down = Ray { origin: Vec3::new(0.0, 0.0, 9.0), direction: Vec3::NEG_Z };
     assert!((media.optical_depth(&down, f32::INFINITY, &mut scratch) - 7.0).abs() < 1e-5);
     let level = Ray { origin: Vec3::new(0.0, 0.0, 0.9), direction: Vec3::X };
-    let flight = media.fly(&level, f32::INFINITY, 10.0, 0.0, || 0.0, &mut scratch);
+    let flight = media.fly_regions(&level, f32::INFINITY, 10.0, 0.0, || 0.0, &mut scratch);
     assert_eq!(flight, Flight::Collision { distance: 5.0, region: 0, sigma_t: 2.0 });
 }
 
@@ -203,7 +203,7 @@ fn nothing_collides_beside_the_spheres() {
     let media = Media::new(&[region(Shape::sphere(DVec3::ZERO, 1.0), 20.0), region(Shape::sphere(DVec3::X * 4.0, 1.0), 20.0)], DVec3::ZERO);
     let mut scratch = Scratch::default();
     let ray = Ray { origin: Vec3::new(2.0, 0.9, 0.9), direction: Vec3::Y };
-    assert_eq!(media.fly(&ray, f32::INFINITY, 1e-9, 0.0, || 0.5, &mut scratch), Flight::Passed);
+    assert_eq!(media.fly_regions(&ray, f32::INFINITY, 1e-9, 0.0, || 0.5, &mut scratch), Flight::Passed);
 }
 
 #[test]
@@ -215,7 +215,8 @@ fn the_mean_free_path_is_one_over_the_extinction() {
     let (mut sum, mut sum2) = (0.0, 0.0);
     for _ in 0..n {
         let ray = Ray { origin: Vec3::new(0.5, 0.0, 0.0), direction: random_direction(&mut rng) };
-        let Flight::Collision { distance, .. } = media.fly(&ray, f32::INFINITY, rng.optical_depth(), 0.0, || 0.5, &mut scratch) else {
+        let Flight::Collision { distance, .. } = media.fly_regions(&ray, f32::INFINITY, rng.optical_depth(), 0.0, || 0.5, &mut scratch)
+        else {
             panic!()
         };
         sum += f64::from(distance);
@@ -240,7 +241,8 @@ fn extreme_scales_stay_finite() {
                 let ray = Ray { origin: random_direction(&mut rng) * (radius as f32 * 2.0), direction: random_direction(&mut rng) };
                 let depth = media.optical_depth(&ray, f32::INFINITY, &mut scratch);
                 assert!(depth.is_finite() && depth >= 0.0 && depth <= 2.000_01 * (radius * sigma + 1e-6), "{radius} {sigma}: {depth}");
-                if let Flight::Collision { distance, .. } = media.fly(&ray, f32::INFINITY, rng.optical_depth(), sigma, || 0.3, &mut scratch)
+                if let Flight::Collision { distance, .. } =
+                    media.fly_regions(&ray, f32::INFINITY, rng.optical_depth(), sigma, || 0.3, &mut scratch)
                 {
                     assert!(distance.is_finite() && distance >= 0.0);
                 }
@@ -270,7 +272,7 @@ fn flights_that_start_between_spheres_collide_only_where_the_depth_suffices() {
         let ray = Ray { origin: origin.as_vec3(), direction: (Vec3::Z + 0.1 * random_direction(&mut rng)).normalize() };
         let tau = rng.optical_depth();
         let whole = media.optical_depth(&ray, f32::INFINITY, &mut scratch);
-        match media.fly(&ray, f32::INFINITY, tau, 0.0, || 0.5, &mut scratch) {
+        match media.fly_regions(&ray, f32::INFINITY, tau, 0.0, || 0.5, &mut scratch) {
             Flight::Collision { distance, .. } => {
                 collided += 1;
                 assert!(distance.is_finite() && distance >= 0.0 && whole * 1.000_01 >= tau, "{ray:?}: {distance}, {whole} {tau}");

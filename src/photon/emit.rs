@@ -182,7 +182,7 @@ fn tile(scene: &Scene, origin: DVec3, axis: Vec3) -> Target {
     let margin = if alone { DVec3::ZERO } else { (DVec3::splat(3.0) + slope) * height };
     let (min, max) = ((bounds.min - margin - origin).as_vec3(), (bounds.max + margin - origin).as_vec3());
     // Above everything, so that a roof shades what lies under it.
-    let highest = scene.surfaces.iter().fold(bounds, |b, s| b.union(s.mesh.bounds())).max.z;
+    let highest = scene.surfaces.iter().fold(scene.region_support(), |b, s| b.union(s.mesh.bounds())).max.z;
     let top = max.z.max((highest - origin.z) as f32);
     Target::Tile { min: min.truncate(), size: (max - min).truncate(), top: top + top.abs() * 1e-6 }
 }
@@ -192,7 +192,7 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
     let bounds = scene.region_bounds();
     let everything = scene.surfaces.iter().fold(bounds, |b, s| b.union(s.mesh.bounds()));
     let reach = |b: Bounds| ((b.min - origin).abs().max((b.max - origin).abs())).length() as f32 * 1.001 + f32::MIN_POSITIVE;
-    let upstream = reach(bounds);
+    let upstream = reach(scene.region_support());
     // The sun's disc spreads by the tangent of its half angle over the distance between a region and the plane, and a slanted
     // ray has the farther to go. Of a disc as wide as the sky, the last millionth of its light is left out.
     let cos_alpha = (1.0 - sin_alpha * sin_alpha).max(1e-6).sqrt();

@@ -253,7 +253,7 @@ impl Tracer {
         let (mut collisions, mut hint) = (0u64, 0.0);
         loop {
             let tau = R::optical_depth(rng);
-            let flight = self.media.fly(&at.ray, f32::INFINITY, tau, hint, || rng.uniform(), scratch);
+            let flight = self.media.fly(&at.ray, f32::INFINITY, tau, hint, rng, scratch);
             let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
             if let Some(hit) = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&at.ray, reach) } {
                 match self.bounce(&at, &hit, rng, batch, left) {
@@ -303,9 +303,7 @@ impl Tracer {
     /// goes elsewhere is sampled over the hemisphere and dropped inside the cone. Returns how the latter goes on.
     fn bounce(&self, at: &Branch, hit: &Hit, rng: &mut Rng, batch: &mut Batch, left: &mut SmallVec<[Branch; 8]>) -> Option<Branch> {
         let albedo = self.albedos[hit.owner as usize];
-        let p = at.ray.at(hit.t);
-        // Off the surface by more than the position's rounding, so that it is not met again.
-        let origin = p + hit.normal * (p.abs().max_element().max(hit.t) * 8.0 * f32::EPSILON);
+        let origin = hit.off(&at.ray);
         let cone = self.emitter.aim().filter(|_| albedo > 0.0).and_then(|aim| aim.seen_from(origin));
         if let Some(cone) = &cone {
             let direction = cone.sample(rng);

@@ -59,6 +59,16 @@ impl Medium {
         if sigma_t > 0.0 { luminance(self.sigma_s) / sigma_t } else { 0.0 }
     }
 
+    /// Extinction by channel, 1/m.
+    pub fn sigma_t_rgb(&self) -> [f64; 3] {
+        std::array::from_fn(|c| self.sigma_s[c] + self.sigma_a[c])
+    }
+
+    /// Single-scattering albedo by channel; 0 where there is no extinction.
+    pub fn albedo_rgb(&self) -> [f64; 3] {
+        std::array::from_fn(|c| if self.sigma_s[c] > 0.0 { self.sigma_s[c] / (self.sigma_s[c] + self.sigma_a[c]) } else { 0.0 })
+    }
+
     /// Whether the three channels are the same.
     pub fn is_grey(&self) -> bool {
         let same = |c: [f64; 3]| c[0] == c[1] && c[1] == c[2];

@@ -45,6 +45,12 @@ impl Scene {
         self.regions.iter().fold(Bounds::EMPTY, |all, region| all.union(region.shape.bounds()))
     }
 
+    /// The bounds of everything that light can collide with in regions.
+    pub fn region_support(&self) -> Bounds {
+        let one = |region: &Region| if let Shape::Grid(grid) = &region.shape { grid.support() } else { region.shape.bounds() };
+        self.regions.iter().fold(Bounds::EMPTY, |all, region| all.union(one(region)))
+    }
+
     /// The optical mass of all regions, the integral of sigma_t over space, in m^2.
     pub fn optical_mass(&self) -> f64 {
         self.regions.iter().map(Region::optical_mass).sum()

@@ -31,7 +31,16 @@ impl VoxelGrid {
 
     /// The bounds of its voxels in the world; of one tile where it is periodic.
     pub fn bounds(&self) -> Bounds {
-        let end = |i: usize, far: bool| if far { f64::from(self.max[i]) + 0.5 } else { f64::from(self.min[i]) - 0.5 };
+        self.grown(0.5)
+    }
+
+    /// Where its density can be above zero: half a voxel beyond the bounds.
+    pub fn support(&self) -> Bounds {
+        self.grown(1.0)
+    }
+
+    fn grown(&self, by: f64) -> Bounds {
+        let end = |i: usize, far: bool| if far { f64::from(self.max[i]) + by } else { f64::from(self.min[i]) - by };
         (0..8usize).fold(Bounds::EMPTY, |bounds, corner| {
             let index = DVec3::from_array(std::array::from_fn(|i| end(i, corner >> i & 1 == 1)));
             bounds.include(self.bricks.world_from_index.transform_point3(index))

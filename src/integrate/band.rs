@@ -1,0 +1,32 @@
+//! What of the spectrum is followed together: all three channels where extinction is grey, else each on its own.
+
+use crate::media::Media;
+use crate::scene::{Medium, Region, Scene};
+use glam::{DVec3, Vec3};
+
+/// Channels that share every free flight.
+#[derive(Debug, Clone)]
+pub(super) struct Band {
+    pub media: Media,
+    /// 1 for each channel that this band stands for.
+    pub mask: Vec3,
+    /// Of each region: albedo by channel, and mean cosine.
+    pub optics: Vec<(Vec3, f64)>,
+}
+
+/// The bands of a scene: one where extinction is grey, three else.
+pub(super) fn bands(scene: &Scene, origin: DVec3, toward_sun: Vec3) -> Vec<Band> {
+    let grey = scene.regions.iter().all(|r| {
+        let t = r.medium.sigma_t_rgb();
+        t.iter().all(|&c| (c - t[0]).abs() <= 1e-12 * t[0].abs())
+    });
+    let one = |mask: Vec3, channel: Option<usize>| {
+        let of = |m: &Medium| channel.map_or(*m, |c| Medium::grey(m.sigma_s[c], m.sigma_a[c], m.g));
+        let regions: Vec<Region> = scene.regions.iter().map(|r| Region { medium: of(&r.medium), ..r.clone() }).collect();
+        let optics = regions.iter().map(|r| (DVec3::from_array(r.medium.albedo_rgb()).as_vec3(), r.medium.g)).collect();
+        let mut media = Media::new(&regions, origin);
+        media.learn_shade(toward_sun);
+        Band { media, mask, optics }
+    };
+    if grey { vec![one(Vec3::ONE, None)] } else { (0..3).map(|c| one(Vec3::AXES[c], Some(c))).collect() }
+}
