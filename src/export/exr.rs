@@ -75,12 +75,15 @@ fn encode(film: &Film, parallel: bool) -> std::result::Result<Vec<u8>, String> {
     Ok(bytes.into_inner())
 }
 
+type Colour = fn(&Pixel) -> [f32; 3];
+type Value = fn(&Film, &Pixel) -> f32;
+
 /// Where a channel finds its values.
 #[derive(Clone, Copy)]
 enum Get {
     /// One component of a colour.
-    Colour(fn(&Pixel) -> [f32; 3], usize),
-    Value(fn(&Film, &Pixel) -> f32),
+    Colour(Colour, usize),
+    Value(Value),
 }
 
 /// A channel, read off the film as it is written: no copy is made.
@@ -91,7 +94,7 @@ struct Samples<'a> {
 }
 
 fn channels(film: &Film) -> impl Iterator<Item = AnyChannel<Samples<'_>>> {
-    const COLOURS: [(&str, fn(&Pixel) -> [f32; 3]); 6] = [
+    const COLOURS: [(&str, Colour); 6] = [
         ("", Pixel::combined),
         ("VolumeDir.", |p| p.volume_direct),
         ("VolumeInd.", |p| p.volume_indirect),
@@ -99,8 +102,7 @@ fn channels(film: &Film) -> impl Iterator<Item = AnyChannel<Samples<'_>>> {
         ("Env.", |p| p.environment),
         ("StandardError.", |p| p.standard_error),
     ];
-    const VALUES: [(&str, fn(&Film, &Pixel) -> f32); 3] =
-        [("A", Film::alpha), ("Transmittance.X", |_, p| p.transmittance), ("Depth.Z", |_, p| p.depth)];
+    const VALUES: [(&str, Value); 3] = [("A", Film::alpha), ("Transmittance.X", |_, p| p.transmittance), ("Depth.Z", |_, p| p.depth)];
     let colours = COLOURS.into_iter().flat_map(|(layer, get)| {
         ["R", "G", "B"].into_iter().enumerate().map(move |(c, name)| (format!("{layer}{name}"), Get::Colour(get, c)))
     });
