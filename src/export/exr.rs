@@ -33,11 +33,9 @@ use std::io::Cursor;
 use std::path::Path;
 
 const SOFTWARE: &str = concat!("cloudvdb ", env!("CARGO_PKG_VERSION"));
-const COMMENT: &str = "Radiance in W m^-2 sr^-1, linear Rec. 709. R, G, B are the sum of VolumeDir (scattered once), VolumeInd (more \
-    often), Surface and Env (the sky). StandardError: one sigma of that sum in each pixel, from the spread of its samples; the light \
-    itself lies within it in two cases of three, within twice of it in nineteen of twenty; errors of pixels are independent. \
-    Transmittance: the share of the light behind all media, or from the surface that is met, that arrives unscattered. Depth: metres \
-    along the camera's axis to the first event, 1e10 without one.";
+/// At most 255 characters: ffmpeg reads no file with a longer text.
+const COMMENT: &str = "W m^-2 sr^-1, linear Rec. 709. RGB = VolumeDir + VolumeInd + Surface + Env. StandardError: one sigma of that \
+    sum from its samples; 2 in 3 pixels lie within it. Transmittance: share unscattered. Depth: m along the camera's axis.";
 /// Rec. 709's primaries and its white, D65, in CIE xy.
 const REC_709: Chromaticities =
     Chromaticities { red: Vec2(0.64, 0.33), green: Vec2(0.3, 0.6), blue: Vec2(0.15, 0.06), white: Vec2(0.3127, 0.329) };

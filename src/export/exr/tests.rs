@@ -73,6 +73,7 @@ fn the_header_says_what_it_is() {
     let layer = &image.layer_data[0];
     assert_eq!(layer.attributes.software_name.as_ref().unwrap().to_string(), SOFTWARE);
     assert!(layer.attributes.comments.as_ref().unwrap().to_string().contains("one sigma"));
+    assert!(COMMENT.len() < 256);
     assert_eq!(layer.attributes.layer_name, None);
     assert_eq!((image.attributes.pixel_aspect, image.attributes.chromaticities), (1.0, Some(REC_709)));
     assert_eq!((layer.size, image.attributes.display_window), (Vec2(4, 3), IntegerBounds::from_dimensions((4, 3))));
