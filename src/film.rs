@@ -1,5 +1,7 @@
 //! The film: what each pixel has received, by the way the light came.
 
+pub mod tone;
+
 use crate::scene::medium::luminance;
 
 /// The depth of a pixel whose rays meet nothing, as Cycles writes it.
@@ -52,6 +54,11 @@ pub struct Film {
 }
 
 impl Film {
+    /// How opaque a pixel of this film is, 0 to 1: wholly before a sky, and else by its [`Pixel::coverage`].
+    pub fn alpha(&self, pixel: &Pixel) -> f32 {
+        if self.sky { 1.0 } else { pixel.coverage() }
+    }
+
     /// The mean luminance over the picture.
     pub fn mean(&self) -> f64 {
         self.pixels.iter().map(|p| grey(p.combined())).sum::<f64>() / self.pixels.len() as f64
