@@ -1,6 +1,8 @@
-//! What goes out: VDB grids, glTF of regions, the report; all files at once or none.
+//! What goes out: VDB grids, pictures, glTF of regions, the report; all files at once or none.
 
+pub mod exr;
 pub mod glb;
+pub mod png;
 pub mod report;
 pub mod staged;
 pub mod vdb;

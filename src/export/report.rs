@@ -13,6 +13,10 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+mod render;
+
+pub use render::Render;
+
 /// Everything a run says about itself.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
@@ -42,6 +46,8 @@ pub struct Report {
     pub error: Option<Errors>,
     /// The grids; absent where none was written.
     pub vdb: Option<Grids>,
+    /// The picture; absent where none was taken.
+    pub render: Option<Render>,
     /// Seconds by stage.
     pub stages: Vec<Stage>,
     /// Seconds in all.
@@ -288,6 +294,9 @@ impl Report {
                 through(e.sunlight_through_layout),
                 through(e.sunlight_through_regions)
             );
+        }
+        if let Some(r) = &self.render {
+            t += &r.line();
         }
         let stages: Vec<String> = self.stages.iter().map(|s| format!("{} {:.2}", s.stage, s.seconds)).collect();
         let _ = writeln!(t, "time      {:.2} s ({}), {:.0} MB", self.seconds, stages.join(", "), self.peak_memory as f64 / 1e6);

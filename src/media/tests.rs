@@ -55,6 +55,7 @@ fn inside(shape: &Shape, p: DVec3) -> bool {
         Shape::Ellipsoid { world_from_unit } => world_from_unit.inverse().transform_point3(p).length_squared() < 1.0,
         Shape::Slab { centre, half_height, .. } => (p.z - centre.z).abs() < *half_height,
         Shape::Mesh(mesh) => (p - mesh.bounds().centre()).abs().max_element() < mesh.bounds().size().x * 0.5,
+        Shape::Grid(grid) => grid.density(p) > 0.0,
     }
 }
 

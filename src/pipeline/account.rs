@@ -28,6 +28,7 @@ pub(super) fn opening(job: &Job, layout: &Layout, plan: &Plan) -> Report {
         energy: None,
         error: None,
         vdb: None,
+        render: None,
         stages: Vec::new(),
         seconds: 0.0,
         peak_memory: 0,

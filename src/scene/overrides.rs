@@ -53,8 +53,13 @@ impl Overrides {
             for c in 0..3 {
                 let own = old.sigma_s[c] + old.sigma_a[c];
                 let sigma_t = self.sigma_t.unwrap_or(own);
-                // A channel without extinction has no albedo of its own: the medium's mean one will do.
-                let albedo = self.albedo.map_or(if own > 0.0 { old.sigma_s[c] / own } else { old.albedo() }, |a| a[c]);
+                // A channel without extinction has no albedo of its own: the medium's mean one will do, or a cloud's.
+                let kept = match old.sigma_t() {
+                    _ if own > 0.0 => old.sigma_s[c] / own,
+                    mean if mean > 0.0 => old.albedo(),
+                    _ => Medium::preset("cumulus").map_or(1.0, |m| m.albedo()),
+                };
+                let albedo = self.albedo.map_or(kept, |a| a[c]);
                 (new.sigma_s[c], new.sigma_a[c]) = (sigma_t * albedo, sigma_t * (1.0 - albedo));
             }
         }
