@@ -61,6 +61,9 @@ impl View {
                 "--size {width}x{height} has the aspect {aspect:.3}, and the scene's camera {own:.3}: its vertical angle of view is kept, and more or less is seen at the sides."
             ));
         }
+        if scene.camera.is_none() && self.position.is_none() {
+            notes.push("No camera is given: one is placed that frames the regions. Say otherwise with --camera and --look-at.".into());
+        }
         let bounds = scene.region_bounds();
         let there = || {
             scene.camera.unwrap_or_else(|| {
@@ -107,7 +110,7 @@ mod tests {
             let framed = view.frame(scene).unwrap();
             (framed.width, framed.height, framed.notes.len())
         };
-        assert_eq!(size(View::default(), &ball()), (640, 360, 0));
+        assert_eq!(size(View::default(), &ball()), (640, 360, 1));
         assert_eq!(size(View::default(), &with_camera(None)), (640, 360, 0));
         assert_eq!(size(View::default(), &with_camera(Some(2.0))), (640, 320, 0));
         assert_eq!(size(View::default(), &with_camera(Some(1e-9))), (640, LONGEST, 0));
