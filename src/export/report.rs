@@ -8,6 +8,7 @@ use crate::photon::trace::{FATES, Fate};
 use crate::photon::{Model, Shot};
 use crate::plan::{Density, Effect, Plan};
 use crate::regions::{Placement, Source};
+use crate::scene::Overrides;
 use crate::stats::Estimate;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -73,6 +74,10 @@ pub struct Settings {
     pub estimate: Option<u64>,
     /// The seed.
     pub seed: u64,
+    /// The grids of a `.vdb` that are regions; absent: those named `density`.
+    pub grid: Option<String>,
+    /// What replaced the file's own media, sun and sky.
+    pub overrides: Overrides,
 }
 
 /// Regions before and after.

@@ -6,7 +6,7 @@ use glam::DVec3;
 use std::sync::Arc;
 
 /// Values that replace a scene's own. What is missing stays as it is.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
 pub struct Overrides {
     /// Extinction of every region in 1/m (of a sample of 1 where it is a grid), above 0. Albedo is kept.
     pub sigma_t: Option<f64>,
@@ -15,6 +15,7 @@ pub struct Overrides {
     /// Mean cosine of every region's phase function, in (-1, 1).
     pub g: Option<f64>,
     /// The direction in which the sun's light travels, of any length but 0.
+    #[serde(serialize_with = "list")]
     pub sun: Option<DVec3>,
     /// The angular diameter of the sun's disc in radians, in [0, pi).
     pub sun_angle: Option<f64>,
@@ -24,6 +25,11 @@ pub struct Overrides {
     pub sky: Option<[f64; 3]>,
     /// Whether grids are repeated along x and y without end.
     pub periodic: bool,
+}
+
+/// A vector as a list of three numbers.
+fn list<S: serde::Serializer>(vector: &Option<DVec3>, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    serde::Serialize::serialize(&vector.map(|v| v.to_array()), serializer)
 }
 
 impl Overrides {
