@@ -49,7 +49,8 @@ class Bricks {
     explicit Bricks(std::unique_ptr<Inside> inside);
     ~Bricks();
     std::size_t count() const;
-    void fill(rust::Slice<std::int32_t> origins, rust::Slice<float> values) const;
+    rust::Vec<std::int32_t> active() const;
+    void take(std::size_t first, rust::Slice<std::int32_t> origins, rust::Slice<float> values);
 
   private:
     std::unique_ptr<Inside> inside_;

@@ -14,6 +14,10 @@
 #include <string>
 #include <vector>
 
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -137,6 +141,13 @@ std::unique_ptr<Tree> read_tree(GuardedStream &is, const GridEntry &grid) {
     return std::unique_ptr<Tree>(tree);
 }
 
+// Free memory goes back to the system: leaves are many small pieces, which the C library would keep for more of their kind.
+void give_back() {
+#ifdef __GLIBC__
+    malloc_trim(0);
+#endif
+}
+
 GridEntry read_entry(GuardedStream &is, bool indexed, std::string &parent) {
     GridEntry grid{};
     const std::string unique_name = is.text();
@@ -196,15 +207,19 @@ Found scan(rust::Slice<const std::uint8_t> path) {
 struct Bricks::Inside {
     struct Source {
         openvdb::Coord origin;
-        const Leaf *leaf; // or none, for a piece of a tile of this value
+        Leaf *leaf; // or none, for a piece of a tile of this value
         float tile;
     };
     std::unique_ptr<Tree> tree;
+    openvdb::CoordBBox active;
     std::vector<Source> sources;
 };
 
 Bricks::Bricks(std::unique_ptr<Inside> inside) : inside_(std::move(inside)) {}
-Bricks::~Bricks() = default;
+Bricks::~Bricks() {
+    inside_.reset();
+    give_back();
+}
 std::size_t Bricks::count() const { return inside_->sources.size(); }
 
 std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEntry &grid, std::uint64_t max_voxels) {
@@ -215,6 +230,7 @@ std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEnt
         const Container container(is);
         auto inside = std::make_unique<Bricks::Inside>();
         inside->tree = read_tree(is, grid);
+        inside->tree->evalActiveVoxelBoundingBox(inside->active);
         auto &sources = inside->sources;
 
         std::uint64_t bricks = 0;
@@ -237,7 +253,7 @@ std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEnt
                 sources.push_back({box.min() + openvdb::Coord(along(i / (side * side)), along(i / side), along(i)), nullptr, *tile});
             }
         }
-        for (auto leaf = inside->tree->cbeginLeaf(); leaf; ++leaf) {
+        for (auto leaf = inside->tree->beginLeaf(); leaf; ++leaf) {
             bool empty = true;
             for (auto value = leaf->cbeginValueOn(); value && empty; ++value) empty = *value == 0.0f;
             if (empty) continue;
@@ -251,19 +267,34 @@ std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEnt
     });
 }
 
-void Bricks::fill(rust::Slice<std::int32_t> origins, rust::Slice<float> values) const {
-    const auto &sources = inside_->sources;
-    if (origins.size() != sources.size() * 3 || values.size() != sources.size() * kVoxels) throw std::invalid_argument("bricks and samples do not match");
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, sources.size(), 64), [&](const tbb::blocked_range<std::size_t> &range) {
+rust::Vec<std::int32_t> Bricks::active() const {
+    rust::Vec<std::int32_t> ends;
+    if (inside_->active.empty()) return ends;
+    for (const openvdb::Coord &end : {inside_->active.min(), inside_->active.max()}) {
+        for (int axis = 0; axis < 3; ++axis) ends.push_back(end[axis]);
+    }
+    return ends;
+}
+
+void Bricks::take(std::size_t first, rust::Slice<std::int32_t> origins, rust::Slice<float> values) {
+    auto &sources = inside_->sources;
+    const std::size_t count = origins.size() / 3;
+    if (origins.size() != count * 3 || values.size() != count * kVoxels || first > sources.size() || count > sources.size() - first) {
+        throw std::invalid_argument("bricks and samples do not match");
+    }
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 64), [&](const tbb::blocked_range<std::size_t> &range) {
         for (std::size_t i = range.begin(); i < range.end(); ++i) {
-            const auto &source = sources[i];
+            auto &source = sources[first + i];
             for (std::size_t axis = 0; axis < 3; ++axis) origins[3 * i + axis] = source.origin[int(axis)];
             float *to = values.data() + i * kVoxels;
             std::fill_n(to, kVoxels, source.tile);
             if (!source.leaf) continue;
             for (auto value = source.leaf->cbeginValueOn(); value; ++value) to[value.pos()] = *value;
+            Leaf::Buffer none(openvdb::PartialCreate(), 0.0f);
+            source.leaf->swap(none);
         }
     });
+    give_back();
 }
 
 std::uint64_t count_active(rust::Slice<const std::uint8_t> path, const GridEntry &grid) {

@@ -16,7 +16,7 @@
 //!
 //! | module | what it does |
 //! | --- | --- |
-//! | [`import`] | glTF files to a [`scene::Scene`], with a line for each node that says what became of it |
+//! | [`import`] | glTF and VDB files to a [`scene::Scene`], with a line for each node or grid that says what became of it |
 //! | [`scene`] | what is in the scene: regions with their media, surfaces, the sun, a camera |
 //! | [`plan`] | which effects are simulated, which not, and why |
 //! | [`media`] | the regions as rays see them: free flights and optical depths in closed form |

@@ -1,10 +1,10 @@
-//! The main job on one page: a layout in; photons, regions, voxels; files out.
+//! The main job on one page: a layout or a VDB in; photons, regions, voxels, a picture; files out.
 
-use crate::error::{Error, Result};
-use crate::export::glb;
-use crate::export::report::{Grids, Report};
+use crate::error::Result;
+use crate::export::report::Report;
 use crate::export::staged::Staged;
-use crate::export::vdb::{VdbOptions, Voxels};
+use crate::export::vdb::VdbOptions;
+use crate::export::{exr, glb, png};
 use crate::import::{self, ImportOptions};
 use crate::photon::Tracer;
 use crate::plan::{Density, Plan};
@@ -12,51 +12,31 @@ use crate::progress::Progress;
 use crate::regions::{Duality, synthesise};
 use crate::scene::Region;
 use account::{Clock, closed, light, metadata, opening};
-use std::path::{Path, PathBuf};
+use format::Targets;
+use std::path::PathBuf;
 
 mod account;
+mod balance;
+mod format;
+mod grids;
+mod picture;
 
-/// What a file is, by its extension.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
-    /// OpenVDB grids.
-    Vdb,
-    /// The report.
-    Json,
-    /// Regions as glTF.
-    Glb,
-}
-
-impl Format {
-    /// The format of a target.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] that lists what can be written.
-    pub fn of(path: &Path) -> Result<Format> {
-        match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
-            Some("vdb") => Ok(Format::Vdb),
-            Some("json") => Ok(Format::Json),
-            Some("glb") => Ok(Format::Glb),
-            _ => Err(Error::Usage(format!(
-                "-o {}: the extension says what is written, and must be .vdb (grids), .json (the report) or .glb (the regions as spheres)",
-                path.display()
-            ))),
-        }
-    }
-}
+pub use balance::{Balance, BalanceJob, balance};
+pub use format::{Format, check_density, usual_density};
+pub use picture::Picture;
 
 /// One run: what to read, what to do, what to write.
 #[derive(Debug, Clone)]
 pub struct Job {
-    /// The layout.
+    /// The layout, or the VDB.
     pub input: PathBuf,
     /// The targets.
     pub outputs: Vec<PathBuf>,
     /// Whether targets may be replaced.
     pub overwrite: bool,
-    /// Which nodes are regions.
+    /// Which nodes or grids are regions, and what replaces the file's own media and light.
     pub import: ImportOptions,
-    /// Which medium is written.
+    /// Which medium is written and rendered.
     pub density: Density,
     /// Photons to be stored.
     pub photons: u64,
@@ -64,26 +44,31 @@ pub struct Job {
     pub duality: Duality,
     /// How grids are written.
     pub vdb: VdbOptions,
+    /// How pictures are taken.
+    pub picture: Picture,
     /// Stop before any photon is traced, and write nothing.
     pub dry_run: bool,
 }
 
-/// Runs a job: import, plan, photons, regions, voxels, files.
+/// Runs a job: import, plan, photons, regions, voxels, picture, files.
 ///
 /// # Errors
-/// Everything in [`Error`]; nothing is written then.
+/// Everything in [`crate::Error`]; nothing is written then.
 pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     let mut clock = Clock::start();
-    let formats = job.outputs.iter().map(|o| Format::of(o)).collect::<Result<Vec<_>>>()?;
-    Staged::check(&job.outputs, job.overwrite)?;
-    if let Some(same) = job.outputs.iter().find(|o| o.canonicalize().is_ok_and(|o| job.input.canonicalize().is_ok_and(|i| i == o))) {
-        return Err(Error::Usage(format!("-o {} is the layout itself: name another file", same.display())));
-    }
+    let targets = Targets::of(job)?;
     progress.begin("import", 1);
     let layout = import::load(&job.input, &job.import)?;
     let plan = Plan::for_scene(&layout.scene, job.density);
     clock.end("import");
     let mut report = opening(job, &layout, &plan);
+    let framed = if targets.any(Format::Exr) || targets.any(Format::Png) {
+        let framed = job.picture.view.frame(&layout.scene).map_err(|e| e.of_file(&job.input))?;
+        report.notes.extend(framed.notes.iter().cloned());
+        Some(framed)
+    } else {
+        None
+    };
     if job.dry_run {
         return Ok(closed(report, clock));
     }
@@ -103,42 +88,33 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     report.optical_mass.written = written.iter().map(Region::optical_mass).sum();
 
     let mut staged = Staged::default();
-    if formats.contains(&Format::Vdb) {
-        let voxels = Voxels::new(&layout.scene, &written, &job.vdb, progress)?;
-        clock.end("voxels");
-        if voxels.coarsened {
-            let note = format!(
-                "voxels are {} m, coarser than the regions ask for, to stay within --max-voxels {}",
-                voxels.voxel_size, job.vdb.max_voxels
-            );
-            report.notes.push(note);
-        }
-        report.vdb = Some(Grids {
-            density_scale: voxels.density_scale,
-            voxel_size: voxels.voxel_size,
-            coarsened: voxels.coarsened,
-            up: job.vdb.up,
-            grids: voxels.summary(),
-        });
+    if targets.any(Format::Vdb) {
+        let voxels = grids::make(job, &layout.scene, &written, &mut report, &mut clock, progress)?;
         progress.begin("vdb", 1);
-        for target in of(Format::Vdb, &job.outputs, &formats) {
+        for target in targets.each(Format::Vdb) {
             staged.add(target, |path| voxels.write(path, job.vdb.half, &metadata(job, &layout, &report)))?;
         }
         clock.end("vdb");
     }
-    for target in of(Format::Glb, &job.outputs, &formats) {
+    for target in targets.each(Format::Glb) {
         staged.add(target, |path| glb::write(path, &layout.scene, &written))?;
+    }
+    if let Some(framed) = framed {
+        let scene = picture::lit(&layout.scene, &written, job.density);
+        let film = picture::take(job, &scene, &framed, &mut report, &mut clock, progress)?;
+        for target in targets.each(Format::Exr) {
+            staged.add(target, |path| exr::write(path, &film))?;
+        }
+        for target in targets.each(Format::Png) {
+            staged.add(target, |path| png::write(path, &film, job.picture.exposure))?;
+        }
     }
     report.outputs.clone_from(&job.outputs);
     let report = closed(report, clock);
-    for target in of(Format::Json, &job.outputs, &formats) {
+    for target in targets.each(Format::Json) {
         staged.add(target, |path| report.write(path))?;
     }
     progress.check()?;
     staged.commit()?;
     Ok(report)
-}
-
-fn of<'a>(format: Format, outputs: &'a [PathBuf], formats: &'a [Format]) -> impl Iterator<Item = &'a PathBuf> {
-    outputs.iter().zip(formats).filter(move |(_, f)| **f == format).map(|(o, _)| o)
 }

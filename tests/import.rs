@@ -207,7 +207,8 @@ fn metaballs_are_spheres_of_their_visible_radius() {
 #[test]
 fn media_from_node_material_scene_and_default() {
     let mut gltf = Gltf::default();
-    gltf.json["scenes"][0]["extras"] = json!({"cloudvdb": {"medium": {"preset": "smoke"}, "sun_angle": 0.02, "sky": 1}});
+    gltf.json["scenes"][0]["extras"] =
+        json!({"cloudvdb": {"medium": {"preset": "smoke"}, "sun_angle": 0.02, "sky": [1, 2, 3], "detail": 1}});
     let material = gltf.push("materials", json!({"name": "Fog", "extras": {"cloudvdb": {"sigma_t": 2.0, "albedo": 0.75, "g": 0.5}}}));
     let of = |gltf: &mut Gltf, name: &str, extras: Value| gltf.ball(json!({"name": name, "extras": {"cloudvdb": extras}}));
     of(&mut gltf, "Node", json!({"sigma_s": [0.1, 0.2, 0.3], "sigma_a": 0.4, "g": -0.5}));
@@ -223,7 +224,8 @@ fn media_from_node_material_scene_and_default() {
     assert_eq!((medium("Material").sigma_s, medium("Material").sigma_a, medium("Material").g), ([1.5; 3], [0.5; 3], 0.1));
     assert_eq!((medium("Scene").sigma_s[0], medium("Scene").g), (0.6, 0.5));
     assert_eq!(layout.scene.sun.angular_diameter, 0.02);
-    assert!(layout.notes.iter().any(|n| n.contains("sky is not used yet")));
+    assert!(layout.notes.iter().any(|n| n.contains("detail is not used yet")));
+    assert_eq!(layout.scene.sky, [1.0, 2.0, 3.0]);
 
     let mut gltf = Gltf::default();
     gltf.ball(json!({"name": "Small"}));

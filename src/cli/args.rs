@@ -1,11 +1,13 @@
 //! The flags, and the job that they make.
 
+use super::flux::FluxArguments;
+use super::scene::SceneArguments;
 use crate::error::Error;
 use crate::export::vdb::{GridName, VdbOptions};
 use crate::export::voxelise::Up;
-use crate::import::ImportOptions;
+use crate::integrate::Integrator;
 use crate::photon::Model;
-use crate::pipeline::Job;
+use crate::pipeline::{Job, Picture, usual_density};
 use crate::plan::Density;
 use crate::regions::{Duality, Placement};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -14,7 +16,7 @@ use std::path::PathBuf;
 /// Photon-cloud regions from a Blender layout, written as OpenVDB grids.
 ///
 /// Reads a glTF layout of spheres (or metaballs, slabs, closed meshes), traces photons from the sun through it, makes new
-/// regions where light scatters multiply, and writes them as a grid that Blender opens.
+/// regions where light scatters multiply, and writes them as a grid that Blender opens. Takes pictures of them, and of any .vdb.
 #[derive(Debug, Parser)]
 #[command(name = "cloudvdb", version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, after_help = EXAMPLES)]
 pub struct Arguments {
@@ -30,6 +32,9 @@ const EXAMPLES: &str = "Examples:
   cloudvdb cloud.glb -o cloud.vdb                        the main job
   cloudvdb cloud.glb -o cloud.vdb -o report.json         and its report
   cloudvdb cloud.glb -o regions.glb --photons 10M        the regions as spheres, to edit in Blender
+  cloudvdb cloud.glb -o cloud.vdb -o cloud.png           and a picture of it
+  cloudvdb smoke.vdb -o smoke.exr --sigma-t 25 --sun 1,0,-1
+  cloudvdb flux cloud.glb                                where the light goes
   cloudvdb plan cloud.glb                                which effects are simulated, and why";
 
 /// What else the command can do.
@@ -37,6 +42,8 @@ const EXAMPLES: &str = "Examples:
 pub enum Command {
     /// Say which effects the scene calls for, which not, and why
     Plan(PlanArguments),
+    /// Say where the light goes: up, down, absorbed
+    Flux(FluxArguments),
     /// Print completions for a shell
     Completions {
         /// The shell
@@ -49,7 +56,7 @@ pub enum Command {
 /// The arguments of `plan`.
 #[derive(Debug, Args)]
 pub struct PlanArguments {
-    /// The layout: .gltf or .glb
+    /// The layout: .gltf or .glb; or a .vdb
     pub input: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -57,36 +64,26 @@ pub struct PlanArguments {
     /// Which medium the plan is for
     #[arg(long, value_enum, default_value_t = DensityArgument::Source)]
     pub density: DensityArgument,
-    /// Only nodes whose name matches become regions by their form (* and ?)
-    #[arg(long, value_name = "PATTERN")]
-    pub regions: Option<String>,
-    /// Closed meshes that are no spheres become regions too
-    #[arg(long)]
-    pub mesh_volumes: bool,
-}
-
-impl PlanArguments {
-    /// How the layout is read.
-    pub fn import(&self) -> ImportOptions {
-        ImportOptions { regions: self.regions.clone(), mesh_volumes: self.mesh_volumes }
-    }
+    /// What is in the scene.
+    #[command(flatten)]
+    pub scene: SceneArguments,
 }
 
 /// The arguments of the main job.
 #[derive(Debug, Args)]
 pub struct Run {
-    /// The layout: .gltf or .glb
+    /// The layout: .gltf or .glb; or a .vdb
     #[arg(required = true)]
     pub input: Option<PathBuf>,
-    /// What to write; repeats. The extension says what: .vdb grids, .json the report, .glb the regions as spheres
+    /// What to write; repeats. The extension says what: .vdb grids, .exr or .png a picture, .json the report, .glb the regions as spheres
     #[arg(short, long = "output", value_name = "FILE")]
     pub outputs: Vec<PathBuf>,
     /// Replace files that exist
     #[arg(long)]
     pub overwrite: bool,
-    /// Which medium is written: the synthesised regions, or the layout as it is
-    #[arg(long, value_enum, default_value_t = DensityArgument::Duality)]
-    pub density: DensityArgument,
+    /// Which medium is written and rendered: the synthesised regions, or the input as it is [default: duality; source for a .vdb]
+    #[arg(long, value_enum)]
+    pub density: Option<DensityArgument>,
     /// How the thesis is read: corrected, or to the letter
     #[arg(long, value_enum, default_value_t = ModelArgument::Physical)]
     pub model: ModelArgument,
@@ -114,12 +111,15 @@ pub struct Run {
     /// The grids to write
     #[arg(long, value_enum, value_delimiter = ',', default_value = "density")]
     pub grids: Vec<GridArgument>,
-    /// Only nodes whose name matches become regions by their form (* and ?)
-    #[arg(long, value_name = "PATTERN")]
-    pub regions: Option<String>,
-    /// Closed meshes that are no spheres become regions too
-    #[arg(long)]
-    pub mesh_volumes: bool,
+    /// How light is followed in a picture
+    #[arg(long, value_enum, default_value_t = IntegratorArgument::Path)]
+    pub integrator: IntegratorArgument,
+    /// Samples a pixel of a picture
+    #[arg(long, value_name = "N", default_value = "64", value_parser = count)]
+    pub spp: u64,
+    /// By how many stops a .png is brightened
+    #[arg(long, value_name = "STOPS", default_value = "0", value_parser = stops, allow_hyphen_values = true)]
+    pub exposure: f64,
     /// The seed: the same seed gives the same bytes, on any number of threads
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -141,6 +141,9 @@ pub struct Run {
     /// Name everything that was found, and every effect
     #[arg(short, long)]
     pub verbose: bool,
+    /// What is in the scene.
+    #[command(flatten)]
+    pub scene: SceneArguments,
 }
 
 impl Run {
@@ -157,18 +160,22 @@ impl Run {
         if self.photons > u64::from(u32::MAX) {
             return usage("--photons can be at most 4294967295");
         }
+        let Some(spp) = u32::try_from(self.spp).ok().filter(|&n| n > 0) else {
+            return usage("--spp must be from 1 to 4294967295");
+        };
         let mut grids: Vec<GridName> = self.grids.iter().map(|&g| g.into()).collect();
         grids.sort_unstable_by_key(|g| g.as_str());
         grids.dedup();
         Ok(Job {
+            density: self.density.map_or_else(|| usual_density(&input), Into::into),
             input,
             outputs: self.outputs.clone(),
             overwrite: self.overwrite,
-            import: ImportOptions { regions: self.regions.clone(), mesh_volumes: self.mesh_volumes },
-            density: self.density.into(),
+            import: self.scene.import(),
             photons: self.photons,
             duality: Duality { model: self.model.into(), placement: self.placement.into(), estimate: self.estimate, seed: self.seed },
             vdb: VdbOptions { voxel_size: self.voxel_size, max_voxels: self.max_voxels, up: self.up.into(), half: !self.float32, grids },
+            picture: Picture { integrator: self.integrator.into(), spp, exposure: self.exposure, view: self.scene.view() },
             dry_run: self.dry_run,
         })
     }
@@ -209,6 +216,9 @@ argument!(/// `--placement`
     PlacementArgument for Placement { /// anywhere in a region (the thesis)
         Uniform, /// at photons (its future work)
         Importance });
+argument!(/// `--integrator`
+    IntegratorArgument for Integrator { /// the reference: unbiased path tracing
+        Path });
 argument!(/// `--up`
     UpArgument for Up { /// Blender
         Z, /// Houdini, Unreal, USD
@@ -219,7 +229,7 @@ argument!(/// `--grids`
         Source });
 
 /// A whole number, with k, M, G or an exponent.
-fn count(text: &str) -> Result<u64, String> {
+pub(super) fn count(text: &str) -> Result<u64, String> {
     let (digits, unit) = match text.char_indices().last() {
         Some((i, 'k' | 'K')) => (&text[..i], 1e3),
         Some((i, 'm' | 'M')) => (&text[..i], 1e6),
@@ -242,6 +252,14 @@ fn length(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A finite number of stops.
+fn stops(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.abs() <= 100.0 => Ok(value),
+        _ => Err(format!("{text:?} is not a number of stops from -100 to 100")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -250,6 +268,34 @@ mod tests {
     #[test]
     fn the_arguments_are_sound() {
         Arguments::command().debug_assert();
+    }
+
+    fn job(flags: &[&str]) -> Result<Job, String> {
+        let line = ["cloudvdb", "in.vdb", "-o", "out.png"].iter().chain(flags);
+        let arguments = Arguments::try_parse_from(line).map_err(|e| e.to_string())?;
+        arguments.run.job().map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn values_may_begin_with_a_minus_sign() {
+        let job = job(&["--sun", "-1,0,0", "-g", "-0.3", "--exposure", "-1.5", "--camera", "-1,-2,3", "--look-at", "-1,0,0"]).unwrap();
+        let said = job.import.overrides;
+        assert_eq!((said.sun, said.g, job.picture.exposure), (Some(glam::DVec3::NEG_X), Some(-0.3), -1.5));
+        assert_eq!(job.picture.view.position, Some(glam::DVec3::new(-1.0, -2.0, 3.0)));
+    }
+
+    #[test]
+    fn defaults_follow_the_input() {
+        let bare = job(&[]).unwrap();
+        assert_eq!((bare.density, bare.picture, bare.import), (Density::Source, Picture::default(), Default::default()));
+        assert_eq!(job(&["--density", "duality"]).unwrap().density, Density::Duality);
+        let glb = Arguments::try_parse_from(["cloudvdb", "in.glb", "--json"]).unwrap().run.job().unwrap();
+        assert_eq!(glb.density, Density::Duality);
+        for wrong in
+            [["--spp", "0"], ["--spp", "5G"], ["--exposure", "nan"], ["--size", "0x0"], ["--fov", "180"], ["--integrator", "photon"]]
+        {
+            assert!(job(&wrong).is_err(), "{wrong:?}");
+        }
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! The command: arguments to a job, progress to the terminal, results to stdout, errors to stderr.
 
 mod args;
+mod flux;
 mod progress;
+mod scene;
 mod signals;
 
 use crate::error::Error;
@@ -20,6 +22,10 @@ pub fn main() -> u8 {
     let arguments = Arguments::parse();
     match arguments.command {
         Some(Command::Plan(plan)) => finish(show_plan(&plan), ProgressStyle::Bar),
+        Some(Command::Flux(arguments)) => {
+            let style = arguments.progress;
+            finish(flux::run(&arguments), style)
+        }
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "cloudvdb", &mut text);
@@ -38,14 +44,8 @@ pub fn main() -> u8 {
 }
 
 fn run(run: &Run) -> Result<(), Error> {
-    let watch = Watch::new(run.progress, run.quiet);
-    signals::watch(watch.cancelled_flag(), run.progress)?;
     let job = run.job()?;
-    if let Some(threads) = run.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-        pool.map_err(|e| Error::Usage(format!("--threads {threads}: {e}")))?;
-        crate::export::vdb::limit_threads(threads);
-    }
+    let watch = watched(run.progress, run.quiet, run.threads)?;
     let report = pipeline::run(&job, &watch);
     watch.finish();
     let report = report?;
@@ -62,8 +62,21 @@ fn run(run: &Run) -> Result<(), Error> {
     Ok(())
 }
 
+/// What watches a run for the terminal and for signals; and the number of threads.
+fn watched(style: ProgressStyle, quiet: bool, threads: Option<usize>) -> Result<Watch, Error> {
+    let watch = Watch::new(style, quiet);
+    signals::watch(watch.cancelled_flag(), style)?;
+    if let Some(threads) = threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        pool.map_err(|e| Error::Usage(format!("--threads {threads}: {e}")))?;
+        crate::export::vdb::limit_threads(threads);
+    }
+    Ok(watch)
+}
+
 fn show_plan(arguments: &PlanArguments) -> Result<(), Error> {
-    let layout = import::load(&arguments.input, &arguments.import())?;
+    pipeline::check_density(&arguments.input, arguments.density.into())?;
+    let layout = import::load(&arguments.input, &arguments.scene.import())?;
     let plan = Plan::for_scene(&layout.scene, arguments.density.into());
     let text = if arguments.json {
         serde_json::to_string_pretty(&plan).unwrap_or_default()

@@ -1,4 +1,4 @@
-//! What goes out: VDB grids, glTF of regions, pictures, the report; all files at once or none.
+//! What goes out: VDB grids, pictures, glTF of regions, the report; all files at once or none.
 
 pub mod exr;
 pub mod glb;

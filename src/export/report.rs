@@ -8,10 +8,15 @@ use crate::photon::trace::{FATES, Fate};
 use crate::photon::{Model, Shot};
 use crate::plan::{Density, Effect, Plan};
 use crate::regions::{Placement, Source};
+use crate::scene::Overrides;
 use crate::stats::Estimate;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+
+mod render;
+
+pub use render::Render;
 
 /// Everything a run says about itself.
 #[derive(Debug, Clone, Serialize)]
@@ -42,6 +47,8 @@ pub struct Report {
     pub error: Option<Errors>,
     /// The grids; absent where none was written.
     pub vdb: Option<Grids>,
+    /// The picture; absent where none was taken.
+    pub render: Option<Render>,
     /// Seconds by stage.
     pub stages: Vec<Stage>,
     /// Seconds in all.
@@ -67,6 +74,10 @@ pub struct Settings {
     pub estimate: Option<u64>,
     /// The seed.
     pub seed: u64,
+    /// The grids of a `.vdb` that are regions; absent: those named `density`.
+    pub grid: Option<String>,
+    /// What replaced the file's own media, sun and sky.
+    pub overrides: Overrides,
 }
 
 /// Regions before and after.
@@ -288,6 +299,9 @@ impl Report {
                 through(e.sunlight_through_layout),
                 through(e.sunlight_through_regions)
             );
+        }
+        if let Some(r) = &self.render {
+            t += &r.line();
         }
         let stages: Vec<String> = self.stages.iter().map(|s| format!("{} {:.2}", s.stage, s.seconds)).collect();
         let _ = writeln!(t, "time      {:.2} s ({}), {:.0} MB", self.seconds, stages.join(", "), self.peak_memory as f64 / 1e6);

@@ -191,7 +191,7 @@ impl<'a> Builder<'a> {
         if self.scene.regions.is_empty() {
             return Err(self.nothing_found());
         }
-        medium::fill(&mut self.scene.regions, &self.fillings, &mut self.notes);
+        medium::fill(&mut self.scene.regions, &self.fillings, self.options.overrides.sigma_t.is_some(), &mut self.notes);
         for (sentence, (count, first)) in &self.tallies {
             let others = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
             self.notes.push(format!("{sentence} {first:?}{others}."));

@@ -43,14 +43,16 @@ pub(super) struct Spec {
 pub(super) struct SceneSpec {
     pub medium: MediumSpec,
     pub sun_angle: Option<f64>,
+    /// The sky's radiance, W m^-2 sr^-1, RGB.
+    pub sky: Option<[f64; 3]>,
 }
 
 const SHAPE_KEYS: [&str; 5] = ["shape", "radius", "half_height", "threshold", "stiffness"];
 const MEDIUM_KEYS: [&str; 6] = ["preset", "sigma_s", "sigma_a", "sigma_t", "albedo", "g"];
-/// Of the scene; understood, and not used yet.
 /// Keys that `-o regions.glb` writes for people, and that say nothing about the scene.
 const WRITTEN_KEYS: [&str; 1] = ["photons"];
-const LATER_KEYS: [&str; 3] = ["sky", "atmosphere", "detail"];
+/// Of the scene; understood, and not used yet.
+const LATER_KEYS: [&str; 2] = ["atmosphere", "detail"];
 
 /// Reads a node's or a material's extras. Keys that mean nothing become notes.
 pub(super) fn spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>) -> Result<Option<Spec>> {
@@ -81,7 +83,7 @@ pub(super) fn scene_spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>
     let Some(value) = extras.and_then(|extras| extras.get("cloudvdb")) else { return Ok(SceneSpec::default()) };
     let map = object(value, at)?;
     let fields = Fields { map: &map, at, path: "extras.cloudvdb" };
-    fields.unknown(&[&["medium", "sun_angle"], &LATER_KEYS], notes);
+    fields.unknown(&[&["medium", "sun_angle", "sky"], &LATER_KEYS], notes);
     for key in LATER_KEYS.iter().filter(|key| map.contains_key(**key)) {
         notes.push(format!("{at}: extras.cloudvdb.{key} is not used yet."));
     }
@@ -99,7 +101,9 @@ pub(super) fn scene_spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>
         Some(angle) => return Err(fields.wrong("sun_angle", angle.to_string(), "an angle in radians from 0 to below pi".into())),
         None => None,
     };
-    Ok(SceneSpec { medium, sun_angle })
+    let sky = fields.rgb("sky")?;
+    sky.iter().flatten().try_for_each(|&v| fields.at_least_zero("sky", v).map(drop))?;
+    Ok(SceneSpec { medium, sun_angle, sky })
 }
 
 pub(super) fn find<T: Copy>(names: &[(&str, T)], name: &str) -> Option<T> {

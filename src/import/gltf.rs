@@ -26,6 +26,7 @@ pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions) 
         builder.scene_spec = extras::scene_spec(scene.extras.as_ref(), at, &mut builder.notes)?;
     }
     let visits = walk::walk(file, root, &roots, options.regions.as_deref())?;
+    builder.scene.sky = builder.scene_spec.sky.unwrap_or_default();
     builder.summarise(&visits);
     for visit in &visits {
         if let Some(node) = root.nodes.get(visit.node) {
@@ -34,7 +35,9 @@ pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions) 
     }
     builder.strays(&visits);
     if !builder.findings.iter().any(|f| f.became == Became::Sun) {
-        builder.notes.push("No sun (a directional light): one 45 degrees high in the south-west, 1 W/m^2, is assumed. In Blender, add a Sun and tick Punctual Lights when you export.".into());
+        if options.overrides.sun.is_none() {
+            builder.notes.push("No sun (a directional light): one 45 degrees high in the south-west, 1 W/m^2, is assumed. In Blender, add a Sun and tick Punctual Lights when you export.".into());
+        }
         if let Some(angle) = builder.scene_spec.sun_angle {
             builder.scene.sun.angular_diameter = angle;
         }

@@ -26,11 +26,11 @@ pub(super) struct Filling {
 }
 
 /// The albedo of a region about which nothing is said: cumulus.
-const ALBEDO: f64 = 0.9999;
+pub(super) const ALBEDO: f64 = 0.9999;
 /// Its mean cosine.
-const G: f64 = 0.86;
+pub(super) const G: f64 = 0.86;
 /// The optical depth across the largest region whose extinction nobody gave.
-const DEPTH: f64 = 40.0;
+pub(super) const DEPTH: f64 = 40.0;
 
 impl MediumSpec {
     pub fn is_empty(&self) -> bool {
@@ -106,24 +106,26 @@ fn split(sigma_t: [f64; 3], albedo: [f64; 3]) -> ([f64; 3], [f64; 3]) {
 }
 
 /// Gives each region its medium; where extinction is open, such that the largest of those has optical depth 40 across.
-pub(super) fn fill(regions: &mut [Region], fillings: &[Filling], notes: &mut Vec<String>) {
+/// Where `overridden`, another extinction follows, and there is nothing to say about this one.
+pub(super) fn fill(regions: &mut [Region], fillings: &[Filling], overridden: bool, notes: &mut Vec<String>) {
     let open = || regions.iter().zip(fillings).filter(|(_, filling)| filling.sigma.is_none()).map(|(region, _)| region);
     let largest = open().map(|region| (region.shape.thickness(), &region.name)).reduce(|a, b| if b.0 > a.0 { b } else { a });
     let mut sigma_t = 0.0;
     if let Some((thickness, name)) = largest {
         sigma_t = DEPTH / thickness;
-        notes.push(format!(
+        let note = format!(
             "No extinction is given for {} of {} regions: sigma_t is {sigma_t:.6} per metre, such that the largest of them, {name:?} \
              ({thickness:.6} m), has optical depth {DEPTH} across (albedo {ALBEDO} and g {G} unless said). \
              Say otherwise with a preset or sigma_s and sigma_a in extras.cloudvdb of the node, its material or the scene.",
             open().count(),
             regions.len()
-        ));
+        );
+        notes.extend((!overridden).then_some(note));
     }
     for (region, filling) in regions.iter_mut().zip(fillings) {
         let (sigma_s, sigma_a) = filling.sigma.unwrap_or_else(|| split([sigma_t; 3], filling.albedo));
         region.medium = Medium { sigma_s, sigma_a, g: filling.g };
-        if region.medium.sigma_t() == 0.0 {
+        if region.medium.sigma_t() == 0.0 && !overridden {
             notes.push(format!("Region {:?} has no extinction: it changes nothing.", region.name));
         }
     }

@@ -1,9 +1,10 @@
-//! What comes in: glTF and GLB files become a [`Scene`], with a line for each node that says what became of it.
+//! What comes in: glTF, GLB and OpenVDB files become a [`Scene`], with a line for each node or grid that says what became of it.
 //!
 //! ```text
 //! container ──► json ──► walk ──► gltf ──► Scene + findings
 //!                          buffers, accessor ──► mesh ──► fit │
 //!                          extras, medium, metaballs, lights ─┘
+//! vdb ──────────────────────────────────► Scene + findings
 //! ```
 //!
 //! The file is read with types of our own and not with the `gltf` crate: its validation indexes accessors that do not
@@ -25,20 +26,28 @@ mod medium;
 mod mesh;
 mod metaballs;
 mod region;
+mod vdb;
 mod walk;
 mod weld;
 
-use crate::{Result, scene::Scene};
+use crate::{
+    Error, Result,
+    scene::{Overrides, Scene},
+};
 use std::path::Path;
 
 /// What the user may ask of an import.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct ImportOptions {
     /// `--regions`: only meshes whose node's name, or an ancestor's, matches this pattern (`*` and `?`) become regions by
     /// their form. `None` takes all. What says by its extras or as a metaball that it is a region is one in any case.
     pub regions: Option<String>,
     /// `--mesh-volumes`: closed meshes that are not sphere-like become regions too.
     pub mesh_volumes: bool,
+    /// `--grid`: the grids of a `.vdb` that are regions; `None` takes those named `density`.
+    pub grid: Option<String>,
+    /// What replaces the file's own media, sun and sky.
+    pub overrides: Overrides,
 }
 
 /// What became of a node.
@@ -81,13 +90,28 @@ pub struct Layout {
     pub source_hash: String,
 }
 
-/// Reads a `.gltf` or `.glb` file.
+/// Whether a file is an OpenVDB file, by its extension.
+pub fn is_vdb(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("vdb"))
+}
+
+/// Reads a `.gltf`, `.glb` or `.vdb` file, and replaces what the options override.
 ///
 /// # Errors
 ///
-/// [`crate::Error::File`] where the file cannot be read, is not a sound glTF, or holds no region at all;
-/// [`crate::Error::Node`] where a node, a material or the scene holds something that has no meaning.
+/// [`Error::File`] where the file cannot be read, is not a sound glTF or VDB, or holds no region at all;
+/// [`Error::Node`] where a node, a material or the scene holds something that has no meaning; [`Error::Vdb`] where OpenVDB
+/// refuses; [`Error::Scene`] where an override does not fit the scene; [`Error::Usage`] where an option does not fit the file.
 pub fn load(path: &Path, options: &ImportOptions) -> Result<Layout> {
-    let document = container::read(path)?;
-    gltf::layout(path, &document, options)
+    let mut layout = if is_vdb(path) {
+        vdb::layout(path, options)?
+    } else {
+        if let Some(name) = &options.grid {
+            let reason = format!("--grid {name} names a grid of a .vdb, and {} is none", path.display());
+            return Err(Error::Usage(reason));
+        }
+        gltf::layout(path, &container::read(path)?, options)?
+    };
+    options.overrides.apply(&mut layout.scene).map_err(|e| e.of_file(path))?;
+    Ok(layout)
 }

@@ -8,9 +8,11 @@ pub mod density;
 pub mod light;
 pub mod medium;
 pub mod mesh;
+pub mod overrides;
 pub mod phase;
 pub mod region;
 pub mod surface;
+pub mod view;
 pub mod voxels;
 
 pub use camera::Camera;
@@ -18,8 +20,10 @@ pub use density::BrickGrid;
 pub use light::Sun;
 pub use medium::Medium;
 pub use mesh::Mesh;
+pub use overrides::Overrides;
 pub use region::{Region, Shape};
 pub use surface::Surface;
+pub use view::{Framed, View};
 pub use voxels::VoxelGrid;
 
 use crate::geom::Bounds;

@@ -61,8 +61,8 @@ impl VoxelGrid {
     /// The sample at an index, of whichever tile.
     pub fn sample(&self, mut index: [i32; 3]) -> f32 {
         if self.periodic {
-            for axis in 0..2 {
-                index[axis] = self.min[axis] + (index[axis] - self.min[axis]).rem_euclid(self.max[axis] - self.min[axis] + 1);
+            for ((index, min), max) in index.iter_mut().zip(self.min).zip(self.max).take(2) {
+                *index = min + (*index - min).rem_euclid(max - min + 1);
             }
         }
         self.bricks.at(index)
@@ -90,7 +90,7 @@ fn thickest(bricks: &BrickGrid) -> f64 {
     let m = bricks.world_from_index.matrix3;
     let steps = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
     let mut most = 0.0f64;
-    for axis in 0..3 {
+    for (axis, step) in steps.into_iter().enumerate() {
         // Bricks of one column stand together, once sorted by their other two coordinates.
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut order: Vec<u32> = (0..bricks.origins.len() as u32).collect();
@@ -104,7 +104,7 @@ fn thickest(bricks: &BrickGrid) -> f64 {
                     sums[local[a] * 8 + local[b]] += f64::from(value);
                 }
             }
-            most = most.max(steps[axis] * sums.iter().copied().fold(0.0, f64::max));
+            most = most.max(step * sums.iter().copied().fold(0.0, f64::max));
         }
     }
     most

@@ -70,6 +70,9 @@ mod bridge {
         fn load(path: &[u8], grid: &GridEntry, max_voxels: u64) -> Result<UniquePtr<Bricks>>;
         fn count_active(path: &[u8], grid: &GridEntry) -> Result<u64>;
         fn count(self: &Bricks) -> usize;
-        fn fill(self: &Bricks, origins: &mut [i32], values: &mut [f32]) -> Result<()>;
+        /// The smallest and the largest index of active voxels, zeros included; nothing where none is active.
+        fn active(self: &Bricks) -> Vec<i32>;
+        /// Copies the bricks from `first` on, as many as there is room for, and frees their samples here: each can be taken once.
+        fn take(self: Pin<&mut Bricks>, first: usize, origins: &mut [i32], values: &mut [f32]) -> Result<()>;
     }
 }

@@ -18,6 +18,8 @@ use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS, BrickGrid};
 
 /// The most voxels that a grid may expand to when it is read (8 GiB of samples).
 const MAX_VOXELS: u64 = 1 << 31;
+/// Bricks that leave the tree at a time (8 MB).
+const TAKEN: usize = 1 << 12;
 /// The largest finite half float.
 const MAX_HALF: f32 = 65504.0;
 
@@ -251,6 +253,15 @@ impl VdbFile {
     /// # Errors
     /// As [`VdbFile::read_float`].
     pub fn read_float_at(&self, index: usize) -> Result<BrickGrid> {
+        self.read_active_at(index).map(|(bricks, _)| bricks)
+    }
+
+    /// As [`VdbFile::read_float_at`], with the smallest and the largest index of the active voxels, active zeros included; `None`
+    /// where no voxel is active. The tree is gone when this returns, and never held whole beside the bricks.
+    ///
+    /// # Errors
+    /// As [`VdbFile::read_float`].
+    pub fn read_active_at(&self, index: usize) -> Result<(BrickGrid, Option<[[i32; 3]; 2]>)> {
         let Some((info, entry)) = self.grids.get(index).zip(self.entries.get(index)) else {
             return Err(self.refused(format!("there is no grid {index}, only {}", self.grids.len()), "Name a grid with --grid"));
         };
@@ -264,16 +275,23 @@ impl VdbFile {
             return Err(self.refused(format!("the transform of grid \"{}\" is not affine", info.name), "Resample it to a box of voxels"));
         };
         let vdb = |error: cxx::Exception| Error::Vdb { file: self.path.clone(), message: error.what().into() };
-        let bricks = ffi::load(self.path.as_os_str().as_encoded_bytes(), entry, MAX_VOXELS).map_err(vdb)?;
+        let mut bricks = ffi::load(self.path.as_os_str().as_encoded_bytes(), entry, MAX_VOXELS).map_err(vdb)?;
+        let active = match *bricks.active() {
+            [x0, y0, z0, x1, y1, z1] => Some([[x0, y0, z0], [x1, y1, z1]]),
+            _ => None,
+        };
         let count = bricks.count();
         let mut origins = vec![[0; 3]; count];
         let mut values = Vec::new();
         if values.try_reserve_exact(count * BRICK_VOXELS).is_err() {
             return Err(self.refused(format!("{count} bricks of the grid \"{}\" do not fit into memory", info.name), "Resample it coarser"));
         }
-        values.resize(count * BRICK_VOXELS, 0.0);
-        bricks.fill(origins.as_flattened_mut(), &mut values).map_err(vdb)?;
-        Ok(BrickGrid { world_from_index, origins, values })
+        for (i, origins) in origins.chunks_mut(TAKEN).enumerate() {
+            let first = values.len();
+            values.resize(first + origins.len() * BRICK_VOXELS, 0.0);
+            bricks.pin_mut().take(i * TAKEN, origins.as_flattened_mut(), &mut values[first..]).map_err(vdb)?;
+        }
+        Ok((BrickGrid { world_from_index, origins, values }, active))
     }
 
     fn refused(&self, reason: String, fix: &str) -> Error {

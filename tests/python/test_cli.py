@@ -223,6 +223,27 @@ USAGE = {
     "up is x": ["LAYOUT", "-o", "out.vdb", "--up", "x"],
     "unknown grid": ["LAYOUT", "-o", "out.vdb", "--grids", "density,custard"],
     "completions for an unknown shell": ["completions", "klingon"],
+    "a direction of zero": ["LAYOUT", "-o", "out.vdb", "--sun", "0,0,0"],
+    "a direction of two numbers": ["LAYOUT", "-o", "out.vdb", "--sun", "-1,0"],
+    "an angle of the sun beyond pi": ["LAYOUT", "-o", "out.vdb", "--sun-angle", "3.2"],
+    "no extinction": ["LAYOUT", "-o", "out.vdb", "--sigma-t", "0"],
+    "an albedo above 1": ["LAYOUT", "-o", "out.vdb", "--albedo", "0.5,0.5,1.5"],
+    "a mean cosine of 1": ["LAYOUT", "-o", "out.vdb", "-g", "1"],
+    "a negative irradiance": ["LAYOUT", "-o", "out.vdb", "--irradiance", "-3"],
+    "a sky of NaN": ["LAYOUT", "-o", "out.vdb", "--sky", "nan"],
+    "an angle of view of 180": ["LAYOUT", "-o", "out.png", "--fov", "180"],
+    "a picture without pixels": ["LAYOUT", "-o", "out.png", "--size", "0x360"],
+    "a picture too large": ["LAYOUT", "-o", "out.png", "--size", "20000x10"],
+    "a picture of one side": ["LAYOUT", "-o", "out.png", "--size", "640"],
+    "a camera of words": ["LAYOUT", "-o", "out.png", "--camera", "up,there,please"],
+    "no samples": ["LAYOUT", "-o", "out.png", "--spp", "0"],
+    "unknown integrator": ["LAYOUT", "-o", "out.png", "--integrator", "guess"],
+    "periodic in z": ["LAYOUT", "-o", "out.vdb", "--periodic", "z"],
+    "a grid of a layout": ["LAYOUT", "-o", "out.vdb", "--grid", "density"],
+    "flux of nothing": ["flux"],
+    "flux without photons": ["flux", "LAYOUT", "--photons", "0"],
+    "flux without threads": ["flux", "LAYOUT", "--threads", "0"],
+    "flux to a file": ["flux", "LAYOUT", "-o", "out.json"],
 }
 
 
@@ -230,6 +251,64 @@ USAGE = {
 def test_usage(cloudvdb, layout, tmp_path, name):
     arguments = [layout if a == "LAYOUT" else a for a in USAGE[name]]
     cloudvdb.refuse(*arguments, code=2, folder=tmp_path, cwd=tmp_path, timeout=20)
+
+
+# ---------------------------------------------------------------------------------------------------- VDB files as scenes
+
+@pytest.fixture(scope="module")
+def cloud(layout, tmp_path_factory):
+    """A VDB that the command itself wrote."""
+    import command
+    path = tmp_path_factory.mktemp("cloud") / "cloud.vdb"
+    command.succeed(layout, "--density", "source", "-o", path, "-q")
+    return path
+
+
+def test_a_vdb_is_a_scene(cloudvdb, cloud, tmp_path):
+    ran = cloudvdb.make(cloud, tmp_path)
+    assert ran.became("region") == ["density"] and ran.became("sun") and ran.notes == []
+    before, after = (vdbinfo.read(p)["grids"]["density"] for p in (cloud, tmp_path / "out.vdb"))
+    assert after["integral"] * ran.density_scale == pytest.approx(before["integral"] * ran.density_scale, rel=5e-3)
+    assert json.loads(cloudvdb.succeed("plan", cloud, "--json", "--periodic", "xy").out)["effects"]
+
+
+def test_flags_override_the_file(cloudvdb, cloud, layout):
+    """Values may begin with a minus sign."""
+    for scene in (cloud, layout):
+        absorbing = json.loads(cloudvdb.succeed("plan", scene, "--json", "--albedo", "0.25", "-g", "-0.3", "--sun", "-1,0,-1").out)
+        figures = {name: figure for name, (_, _, figure) in schema.effects(absorbing).items()}
+        assert figures["absorption"] == pytest.approx(0.75) and figures["anisotropy"] == pytest.approx(0.3)
+
+
+def test_dry_run_of_a_picture(cloudvdb, cloud, layout, tmp_path):
+    for scene in (cloud, layout):
+        cloudvdb.succeed(scene, "-o", tmp_path / "out.png", "-o", tmp_path / "out.exr", "--dry-run", "--size", "64x48")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_vdb_cannot_do_yet(cloudvdb, cloud, layout, tmp_path):
+    for arguments, says in [
+        ((cloud, "-o", tmp_path / "out.vdb", "--density", "duality"), ["duality", "not there yet"]),
+        (("plan", cloud, "--density", "duality"), ["duality", "not there yet"]),
+        (("flux", cloud, "--density", "duality"), ["duality", "not there yet"]),
+        ((cloud, "-o", tmp_path / "out.glb"), ["out.glb", ".vdb"]),
+        ((cloud, "-o", tmp_path / "out.vdb", "--regions", "*"), ["--regions", "--grid"]),
+    ]:
+        cloudvdb.refuse(*arguments, code=2, says=says, folder=tmp_path)
+    cloudvdb.refuse(cloud, "-o", tmp_path / "out.vdb", "--grid", "smoke", says=["cloud.vdb", "smoke", "density"], folder=tmp_path)
+    cloudvdb.refuse(layout, "-o", tmp_path / "out.vdb", "--periodic", "xy", says=["--periodic", "grid"], folder=tmp_path)
+    text(tmp_path / "words.vdb", "hello, this is no VDB")
+    for words in ("words.vdb", "nowhere.vdb"):
+        for command in ((), ("plan",), ("flux",)):
+            out = () if command else ("--json",)
+            cloudvdb.refuse(*command, tmp_path / words, *out, says=[words], folder=tmp_path)
+
+
+def test_a_damaged_vdb_never_panics(cloudvdb, cloud, tmp_path):
+    whole = cloud.read_bytes()
+    for part in (0.0, 0.01, 0.1, 0.5, 0.9, 0.999):
+        (tmp_path / "cut.vdb").write_bytes(whole[:int(len(whole) * part)])
+        cloudvdb.refuse(tmp_path / "cut.vdb", "--json", "--dry-run", says=["cut.vdb"], folder=tmp_path)
 
 
 # ---------------------------------------------------------------------------------------------------- interruption

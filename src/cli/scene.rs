@@ -1,0 +1,182 @@
+//! The flags that say what a file does not, or override what it says: media, sun, sky, camera.
+
+use crate::import::ImportOptions;
+use crate::scene::view::LONGEST;
+use crate::scene::{Overrides, View};
+use clap::{Args, ValueEnum};
+use glam::DVec3;
+
+/// Media, light and camera, in place of the scene's own.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Scene")]
+pub struct SceneArguments {
+    /// Only nodes whose name matches become regions by their form (* and ?)
+    #[arg(long, value_name = "PATTERN")]
+    pub regions: Option<String>,
+    /// Closed meshes that are no spheres become regions too
+    #[arg(long)]
+    pub mesh_volumes: bool,
+    /// The grids of a .vdb that are regions [default: density]
+    #[arg(long, value_name = "NAME")]
+    pub grid: Option<String>,
+    /// Extinction per metre of every region, for a sample of 1 in a grid; albedo is kept
+    #[arg(long, value_name = "X", value_parser = extinction, allow_hyphen_values = true)]
+    pub sigma_t: Option<f64>,
+    /// Single-scattering albedo of every region, one number or R,G,B; extinction is kept
+    #[arg(long, value_name = "A|R,G,B", value_parser = albedo, allow_hyphen_values = true)]
+    pub albedo: Option<Rgb>,
+    /// Mean cosine of scattering of every region, forward is positive
+    #[arg(short, value_name = "G", value_parser = mean_cosine, allow_hyphen_values = true)]
+    pub g: Option<f64>,
+    /// The direction in which the sun's light travels, Z up, of any length
+    #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
+    pub sun: Option<DVec3>,
+    /// The angular diameter of the sun's disc in radians
+    #[arg(long, value_name = "RAD", value_parser = sun_angle, allow_hyphen_values = true)]
+    pub sun_angle: Option<f64>,
+    /// The sun's irradiance in W/m^2 across its light, one number or R,G,B
+    #[arg(long, value_name = "E|R,G,B", value_parser = light, allow_hyphen_values = true)]
+    pub irradiance: Option<Rgb>,
+    /// The sky's radiance in W/m^2/sr, one number or R,G,B
+    #[arg(long, value_name = "L|R,G,B", value_parser = light, allow_hyphen_values = true)]
+    pub sky: Option<Rgb>,
+    /// Repeat grids horizontally without end
+    #[arg(long, value_enum, value_name = "AXES")]
+    pub periodic: Option<Periodic>,
+    /// Where the camera stands, in metres [default: the file's camera, or one that frames the regions]
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub camera: Option<DVec3>,
+    /// What the camera looks at, in metres [default: with --camera, the middle of the regions]
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub look_at: Option<DVec3>,
+    /// The horizontal angle of view in degrees
+    #[arg(long, value_name = "DEGREES", value_parser = field_of_view, allow_hyphen_values = true)]
+    pub fov: Option<Radians>,
+    /// Pixels of the picture [default: 640 wide, as high as the camera's aspect says]
+    #[arg(long, value_name = "WxH", value_parser = size, allow_hyphen_values = true)]
+    pub size: Option<[u32; 2]>,
+}
+
+/// One number for each of red, green and blue.
+type Rgb = [f64; 3];
+/// An angle in radians, given in degrees.
+type Radians = f64;
+
+/// `--periodic`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Periodic {
+    /// along x and y
+    Xy,
+}
+
+impl SceneArguments {
+    /// How the scene is read.
+    pub fn import(&self) -> ImportOptions {
+        ImportOptions {
+            regions: self.regions.clone(),
+            mesh_volumes: self.mesh_volumes,
+            grid: self.grid.clone(),
+            overrides: Overrides {
+                sigma_t: self.sigma_t,
+                albedo: self.albedo,
+                g: self.g,
+                sun: self.sun,
+                sun_angle: self.sun_angle,
+                irradiance: self.irradiance,
+                sky: self.sky,
+                periodic: self.periodic.is_some(),
+            },
+        }
+    }
+
+    /// How it is looked at.
+    pub fn view(&self) -> View {
+        View { position: self.camera, target: self.look_at, xfov: self.fov, size: self.size }
+    }
+}
+
+/// A finite number that single precision can hold.
+fn number(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|v: &f64| v.abs() <= f64::from(f32::MAX))
+}
+
+/// Three finite numbers with commas between them.
+fn three(text: &str) -> Option<[f64; 3]> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(number).collect();
+    numbers?.try_into().ok()
+}
+
+/// One number for all channels, or three.
+fn rgb(text: &str) -> Option<Rgb> {
+    number(text).map(|v| [v; 3]).or_else(|| three(text))
+}
+
+fn extinction(text: &str) -> Result<f64, String> {
+    number(text).filter(|&v| v > 0.0).ok_or_else(|| format!("{text:?} is not an extinction per metre above 0"))
+}
+
+fn albedo(text: &str) -> Result<Rgb, String> {
+    let fine = |rgb: &Rgb| rgb.iter().all(|v| (0.0..=1.0).contains(v));
+    rgb(text).filter(fine).ok_or_else(|| format!("{text:?} is not an albedo from 0 to 1, or three of them such as 0.9,0.95,1"))
+}
+
+fn mean_cosine(text: &str) -> Result<f64, String> {
+    number(text).filter(|v| v.abs() < 1.0).ok_or_else(|| format!("{text:?} is not a number between -1 and 1, both excluded"))
+}
+
+fn direction(text: &str) -> Result<DVec3, String> {
+    let direction = three(text).and_then(|v| DVec3::from_array(v).try_normalize());
+    direction.ok_or_else(|| format!("{text:?} is not a direction such as 1,0,-1: three numbers, not all 0"))
+}
+
+fn sun_angle(text: &str) -> Result<f64, String> {
+    let fine = |v: &f64| (0.0..std::f64::consts::PI).contains(v);
+    number(text).filter(fine).ok_or_else(|| format!("{text:?} is not an angle in radians from 0 to below pi"))
+}
+
+fn light(text: &str) -> Result<Rgb, String> {
+    let fine = |rgb: &Rgb| rgb.iter().all(|&v| v >= 0.0);
+    rgb(text).filter(fine).ok_or_else(|| format!("{text:?} is not a number from 0 up, or three of them such as 0.1,0.2,0.4"))
+}
+
+fn point(text: &str) -> Result<DVec3, String> {
+    three(text).map(DVec3::from_array).ok_or_else(|| format!("{text:?} is not a point such as 0,-10,2: three numbers of metres"))
+}
+
+fn field_of_view(text: &str) -> Result<Radians, String> {
+    let degrees = number(text).filter(|&v| v > 0.0 && v < 180.0);
+    degrees.map(f64::to_radians).ok_or_else(|| format!("{text:?} is not an angle in degrees between 0 and 180"))
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let side = |text: &str| text.trim().parse::<u32>().ok().filter(|n| (1..=LONGEST).contains(n));
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
+    sides.ok_or_else(|| format!("{text:?} is not a size such as 640x360: width and height in pixels, each from 1 to {LONGEST}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_read_as_people_write_them() {
+        assert_eq!((albedo("0.5"), albedo("0, 0.5,1")), (Ok([0.5; 3]), Ok([0.0, 0.5, 1.0])));
+        assert_eq!((light("3"), light("1,2,4e2")), (Ok([3.0; 3]), Ok([1.0, 2.0, 400.0])));
+        assert_eq!((mean_cosine("-0.3"), extinction("25"), sun_angle("0")), (Ok(-0.3), Ok(25.0), Ok(0.0)));
+        assert_eq!((direction("-3,0,0"), point("1,-2,3.5")), (Ok(DVec3::NEG_X), Ok(DVec3::new(1.0, -2.0, 3.5))));
+        assert_eq!((field_of_view("90"), size("640x360")), (Ok(std::f64::consts::FRAC_PI_2), Ok([640, 360])));
+    }
+
+    #[test]
+    fn values_without_a_meaning_are_refused() {
+        assert!(["", "-0.1", "1.1", "nan", "inf", "1,1", "1,1,1,1", "1,1,2", "a"].iter().all(|t| albedo(t).is_err()));
+        assert!(["", "-1", "nan", "1,2", "1,-2,3", "1e39"].iter().all(|t| light(t).is_err()));
+        assert!(["1", "-1", "nan", "1.5", "0,0,0"].iter().all(|t| mean_cosine(t).is_err()));
+        assert!(["0", "-1", "inf", ""].iter().all(|t| extinction(t).is_err()));
+        assert!(["0,0,0", "1,2", "1,2,nan", "1,2,3,4", "up", "1e-300,0,0"].iter().all(|t| direction(t).is_err()));
+        assert!(["1,2", "1,2,inf", "1;2;3"].iter().all(|t| point(t).is_err()));
+        assert!(["0", "180", "-5", "nan"].iter().all(|t| field_of_view(t).is_err()));
+        assert!(["640", "0x360", "640x", "x360", "16385x1", "-1x5", "640x360x2", "6.4x3"].iter().all(|t| size(t).is_err()));
+        assert!(["-0.1", "3.2", "nan"].iter().all(|t| sun_angle(t).is_err()));
+    }
+}

@@ -1,0 +1,76 @@
+//! What the report says about a picture.
+
+use super::duration;
+use crate::integrate::{Integrator, RenderSettings, Rendering};
+use serde::Serialize;
+
+/// A picture: what it took, how wrong it may be, and what half the error would take.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Render {
+    /// How light was followed.
+    pub integrator: Integrator,
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Samples a pixel.
+    pub spp: u32,
+    /// Camera rays.
+    pub samples: u64,
+    /// Collisions with media.
+    pub collisions: u64,
+    /// Paths cut after very many collisions; their light is missing.
+    pub truncated: u64,
+    /// The mean luminance of the picture, W m^-2 sr^-1.
+    pub mean_radiance: f64,
+    /// The relative standard error of a pixel: [`crate::film::Film::relative_error`].
+    pub relative_error: f64,
+    /// How long it took.
+    pub seconds: f64,
+    /// Camera rays a second.
+    pub samples_per_second: f64,
+    /// Samples a pixel that would halve `relative_error`.
+    pub spp_for_half: u64,
+    /// About how many seconds that would take.
+    pub seconds_for_half: f64,
+}
+
+impl Render {
+    /// The account of a picture that took so many seconds.
+    pub fn of(settings: &RenderSettings, rendering: &Rendering, seconds: f64) -> Self {
+        Render {
+            integrator: settings.integrator,
+            width: settings.width,
+            height: settings.height,
+            spp: settings.spp,
+            samples: rendering.samples,
+            collisions: rendering.collisions,
+            truncated: rendering.truncated,
+            mean_radiance: rendering.film.mean(),
+            relative_error: rendering.film.relative_error(),
+            seconds,
+            samples_per_second: rendering.samples as f64 / seconds.max(1e-9),
+            // The error of independent samples falls as their root.
+            spp_for_half: 4 * u64::from(settings.spp),
+            seconds_for_half: 4.0 * seconds,
+        }
+    }
+
+    /// The line of the table for people.
+    pub(super) fn line(&self) -> String {
+        let cut = match self.truncated {
+            0 => String::new(),
+            n => format!("; {n} paths cut after very many collisions"),
+        };
+        format!(
+            "picture   {} x {}, {} samples a pixel, {:.3e} a second; a pixel is known to {:.2} %, and {} samples would halve that in about {}{cut}\n",
+            self.width,
+            self.height,
+            self.spp,
+            self.samples_per_second,
+            100.0 * self.relative_error,
+            self.spp_for_half,
+            duration(self.seconds_for_half)
+        )
+    }
+}
