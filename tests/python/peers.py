@@ -15,6 +15,7 @@ Every renderer gives radiance, height x width x 3, row 0 at the top. What to kno
 * Mitsuba has no overlapping media and no sun's disc: its sun is a point, so shadows have no penumbra.
 """
 import dataclasses
+import importlib.util
 import json
 import math
 import os
@@ -130,6 +131,11 @@ arrays["images"] = np.array(images)
 """
 
 
+def has_mitsuba():
+    """`make crosscheck` installs it; `make test` does without."""
+    return importlib.util.find_spec("mitsuba") is not None
+
+
 def mitsuba(scene, samples, seeds=8, bounces=BOUNCES, timeout=3000):
     """Pictures by Mitsuba 3's volpath, variant scalar_rgb."""
     seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
@@ -179,7 +185,7 @@ def can_show(scene):
     return not (scene.get("vdb") and scene["ground"])
 
 
-def cloudvdb(scene, folder, samples, seeds=1, timeout=3000, extra=()):
+def cloudvdb(scene, folder, samples, seeds=1, timeout=3000, threads=2):
     """Pictures by the command under test, with the standard errors that it states."""
     assert can_show(scene), "a bare .vdb has no ground"
     seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
@@ -188,8 +194,8 @@ def cloudvdb(scene, folder, samples, seeds=1, timeout=3000, extra=()):
     images, errors, seconds, layers = [], [], [], None
     for seed in seeds:
         target = folder / f"ours_{seed}.exr"
-        ran = command.succeed(source, "-o", target, "--overwrite", "--density", "source", "--integrator", "path", "--spp", samples, "--seed", seed,
-                              "--threads", 2, "-q", *flags(scene), *extra, timeout=timeout)
+        ran = command.succeed(source, "-o", target, "--overwrite", "--density", "source", "--integrator", "path",
+                              "--spp", samples, "--seed", seed, "--threads", threads, "-q", *flags(scene), timeout=timeout)
         seconds.append(ran.seconds)
         layers = read_exr(target)
         images.append(layers["Combined"])
@@ -228,6 +234,14 @@ def read_exr(path):
             out["StandardError"] = out[layer]
     assert "StandardError" in out, f"{path} has no layer of standard errors, only {sorted(found)}"
     return out
+
+
+def plain_exr(path):
+    """R, G and B of a picture without layers."""
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return np.stack([np.array(file.channels()[c].pixels, np.float64) for c in "RGB"], axis=-1)
 
 
 def flux(scene, *options, timeout=600):
