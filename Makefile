@@ -42,7 +42,7 @@ endef
 .PHONY: help demo build test bench scenes crosscheck crosscheck-speed lint clean build-packages test-packages rust
 
 help: ## This list
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 20
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 26
 
 demo: build ## A cumulus from the layout in scenes/, as out/cumulus.vdb and out/cumulus.json
 	mkdir -p out

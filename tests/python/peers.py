@@ -204,9 +204,9 @@ def cloudvdb(scene, folder, samples, seeds=1, timeout=3000, threads=2):
 
 
 def read_exr(path):
-    """The layers of a picture: {name: height x width x 3, or height x width where it has one channel}. Whatever view layer
-    they are in, and however the standard error is spelt, it is `StandardError`; channels without a layer are `Combined`
-    where no layer of that name is there."""
+    """The layers of a picture: {name: height x width x 3, or height x width where it has one channel}. A view layer's name
+    before them is dropped; plain channels are `Combined` where no layer of that name is there, and the standard error is
+    `StandardError` however it is spelt."""
     import OpenEXR
 
     found = {}
@@ -215,8 +215,9 @@ def read_exr(path):
             for name, channel in part.channels.items():
                 pixels = np.array(channel.pixels)
                 assert pixels.dtype == np.float32, f"{name} is {pixels.dtype}"
-                # ViewLayer.Combined.R; the part's own name may be the layer's.
-                *layer, last = name.split(".")
+                *layer, last = name.split(".")  # ViewLayer.Combined.R; or R, in a part of its own
+                if not layer and len(file.parts) > 1:
+                    layer = (part.name() or "").split(".")
                 found.setdefault(layer[-1] if layer else "", {})[last.upper()] = pixels.astype(np.float64)
     out = {}
     for layer, channels in found.items():
@@ -224,13 +225,11 @@ def read_exr(path):
             out[layer] = np.stack([channels[c] for c in "RGB"], axis=-1)
         else:
             out[layer] = next(iter(channels.values()))
-        if "A" in channels:
-            out[f"{layer}.A" if layer else "A"] = channels["A"]
     if "Combined" not in out:
         out["Combined"] = out[""]
     for layer in list(out):
         word = "".join(c for c in layer.lower() if c.isalpha())
-        if word.startswith(("standarderror", "stderr", "error")):
+        if "standarderror" in word or "stderr" in word:
             out["StandardError"] = out[layer]
     assert "StandardError" in out, f"{path} has no layer of standard errors, only {sorted(found)}"
     return out

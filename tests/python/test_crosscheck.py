@@ -9,6 +9,7 @@ import pathlib
 import numpy as np
 import pytest
 
+import cumulus
 import peers
 import speed
 import ztest
@@ -98,6 +99,21 @@ BALLS = {
     "balls above a ground, sun and sky": described(balls=APART, sun=POINT, ground=GROUND, sky=0.3),
     "balls, sky": described(balls=APART, sun=None, sky=1.0),
 }
+
+
+def test_peers_agree(mitsuba):
+    """The translation of scenes, without the command: two renderers that share nothing see the same balls and ground."""
+    scene = BALLS["balls above a ground, sun and sky"]
+    theirs = [Picture.from_seeds(render(scene, samples=128, seeds=8).images) for render in (peers.cycles, peers.mitsuba)]
+    agrees(*theirs, "Cycles and Mitsuba, balls")
+
+
+def test_peers_agree_on_a_grid(folder, mitsuba):
+    """Where a VDB is, half a voxel of Blender's included: a voxel is large here."""
+    values, voxel, origin = cumulus.values(24)
+    scene = described(sky=1.0, sun=None, **peers.grid(folder / "coarse.vdb", values, voxel, origin, sigma=8.0))
+    theirs = [Picture.from_seeds(render(scene, samples=64, seeds=8).images) for render in (peers.cycles, peers.mitsuba)]
+    agrees(*theirs, "Cycles and Mitsuba, grid")
 
 
 @pytest.mark.parametrize("name", BALLS)

@@ -12,7 +12,6 @@ import gltf
 import peers
 import vdbinfo
 import ztest
-from blender import blender
 from layouts import three_balls
 from peers import ball, described
 from ztest import Picture, compare
@@ -75,14 +74,10 @@ def test_stated_errors_are_true(cloudvdb, tmp_path):
 
 
 def test_layers_add_up(cloudvdb, tmp_path):
-    """Before a black sky the volume's own layers are the picture; Blender opens the file as one of layers."""
-    ours = peers.cloudvdb(SPHERES["one, in the sun"], tmp_path, samples=8)
-    layers = ours.layers
+    """Before a black sky and without a ground the volume's own layers are the picture."""
+    layers = peers.cloudvdb(SPHERES["one, in the sun"], tmp_path, samples=8).layers
     assert np.allclose(layers["VolumeDir"] + layers["VolumeInd"], layers["Combined"], rtol=1e-5, atol=1e-7)
     assert layers["VolumeDir"].max() > 0 and layers["VolumeInd"].max() > 0
-    seen = blender("image = bpy.data.images.load(given['path']); out['type'] = image.type; out['size'] = list(image.size)",
-                   path=str(tmp_path / "ours_0.exr"))
-    assert seen["type"] == "MULTILAYER" and seen["size"] == [32, 24]
 
 
 def test_threads_change_nothing(cloudvdb, tmp_path):
@@ -179,7 +174,7 @@ def check_slab(folder, how, row, limit):
         total = direct[0] + diffuse[0], math.sqrt(max(transmitted * (1 - transmitted) / (1.2 * worst), 0.0)) * limit
         within(total, "down", transmitted, limit)
     if albedo == 1:
-        assert found["absorbed_medium"][0] == 0
+        assert abs(found["absorbed_medium"][0]) < 1e-9
 
 
 @pytest.mark.parametrize("how", [slab, layers])
