@@ -54,7 +54,7 @@ def small_cumulus(folder, cells=32, sigma=8.0, **options):
     return described(**peers.grid(folder / "cumulus.vdb", values, voxel, origin, sigma=sigma), **options)
 
 
-@pytest.mark.parametrize("sky", [0.0, 0.3])
+@pytest.mark.parametrize("sky", [pytest.param(0.0, marks=pytest.mark.long), 0.3])
 def test_grid_as_cycles_has_it(cloudvdb, tmp_path, sky):
     """Cycles 4.5 marches grids, in steps of a fifth of its own size here: 2 % are left to it."""
     scene = small_cumulus(tmp_path, sky=sky)
