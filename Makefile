@@ -39,10 +39,10 @@ fi
 endef
 .ONESHELL:
 
-.PHONY: help demo build test bench scenes crosscheck lint clean build-packages test-packages rust
+.PHONY: help demo build test bench scenes crosscheck crosscheck-speed lint clean build-packages test-packages rust
 
 help: ## This list
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */  make \1\t/' | expand -t 20
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 26
 
 demo: build ## A cumulus from the layout in scenes/, as out/cumulus.vdb and out/cumulus.json
 	mkdir -p out
@@ -63,8 +63,11 @@ bench: build ## Criterion's benchmarks
 scenes: test-packages $(VENV)/.stamp ## Writes the scenes again, with Blender
 	$(VENV)/bin/python -I scenes/make_scenes.py
 
-crosscheck: build test-packages $(VENV)/.stamp ## The longer comparisons with Cycles
+crosscheck: build test-packages $(VENV)/.crosscheck ## The longer comparisons, with Cycles, Mitsuba and published figures
 	$(PYTEST) -m long
+
+crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second and noise, beside Cycles and Mitsuba
+	$(VENV)/bin/python tests/python/speed.py
 
 lint: build-packages rust ## Formatting and clippy
 	cargo fmt --check
@@ -92,4 +95,9 @@ $(VENV)/.stamp: tests/requirements.txt | test-packages
 	[[ $$python ]] || { echo "Python 3.11 is missing (bpy 4.5 asks for it). Put python3.11 on the PATH, then repeat." >&2; exit 1; }
 	"$$python" -m venv --clear $(VENV)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r tests/requirements.txt
+	touch $@
+
+# Peers that only the long comparisons need.
+$(VENV)/.crosscheck: tests/requirements-crosscheck.txt $(VENV)/.stamp
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r tests/requirements-crosscheck.txt
 	touch $@

@@ -31,17 +31,18 @@ np.savez("arrays.npz", **arrays)
 """
 
 
-def blender(script, timeout=300, **given):
-    """Runs `script`, which sees `given` and fills the dict `out`; arrays it fills come back as `out["arrays"]`."""
+def blender(script, timeout=300, python=None, prelude=PRELUDE, **given):
+    """Runs `script`, which sees `given` and fills the dict `out`; arrays it fills come back as `out["arrays"]`. `python`
+    is another interpreter, with another Blender; another prelude makes it no Blender at all."""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        (folder / "script.py").write_text(PRELUDE + textwrap.dedent(script) + CODA)
+        (folder / "script.py").write_text(prelude + textwrap.dedent(script) + CODA)
         (folder / "given.json").write_text(json.dumps(given, default=str))
         environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "BLENDER"))}
-        process = subprocess.run([sys.executable, "-I", "script.py"], cwd=folder, env=environment, timeout=timeout,
+        process = subprocess.run([python or sys.executable, "-I", "script.py"], cwd=folder, env=environment, timeout=timeout,
                                  stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         if not (folder / "arrays.npz").exists():
-            raise AssertionError(f"Blender's script ended with {process.returncode}:\n{process.stdout[-4000:]}")
+            raise AssertionError(f"the script ended with {process.returncode}:\n{process.stdout[-4000:]}")
         out = json.loads((folder / "out.json").read_text())
         with np.load(folder / "arrays.npz") as arrays:
             out["arrays"] = dict(arrays)

@@ -58,6 +58,28 @@ def document(nodes, extras=None, meshes=True, sun=True, materials=None):
     return gltf, blob if meshes else b""
 
 
+def add_ground(gltf, blob, z=0.0, albedo=0.5, half_size=100.0, name="Ground"):
+    """A square at the height `z` of Blender's frame, Lambertian (base colours of glTF are linear). Returns the buffer."""
+    corners = np.array([(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)], np.float32) * np.float32(half_size) + np.float32((0, z, 0))
+    faces = np.array([0, 1, 2, 0, 2, 3], np.uint16)
+    for key in ("meshes", "accessors", "bufferViews", "buffers", "materials"):
+        gltf.setdefault(key, [])
+    view, accessor = len(gltf["bufferViews"]), len(gltf["accessors"])
+    for part in (corners, faces):
+        gltf["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": part.nbytes})
+        blob += part.tobytes()
+    gltf["buffers"] = [{"byteLength": len(blob)}]
+    gltf["accessors"] += [{"bufferView": view, "componentType": 5126, "count": 4, "type": "VEC3",
+                           "min": corners.min(axis=0).tolist(), "max": corners.max(axis=0).tolist()},
+                          {"bufferView": view + 1, "componentType": 5123, "count": 6, "type": "SCALAR"}]
+    gltf["materials"].append({"name": name, "pbrMetallicRoughness": {"baseColorFactor": [albedo] * 3 + [1.0], "metallicFactor": 0.0}})
+    gltf["meshes"].append({"name": name, "primitives": [{"attributes": {"POSITION": accessor}, "indices": accessor + 1,
+                                                        "material": len(gltf["materials"]) - 1}]})
+    gltf["scenes"][0]["nodes"].append(len(gltf["nodes"]))
+    gltf["nodes"].append({"name": name, "mesh": len(gltf["meshes"]) - 1})
+    return blob
+
+
 def ball(name="Cloud", centre=(0, 0, 0), radius=1.0, **medium):
     """A node that is a ball; centre in Blender's frame (Z up). A medium goes to its extras."""
     x, y, z = centre

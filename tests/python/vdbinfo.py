@@ -105,6 +105,15 @@ def coverage(balls, voxel, fine=8):
     return values, low
 
 
+def write_values(path, values, voxel, origin):
+    """A VDB of `values` (x, y, z); the first sample is at `origin`. 32-bit floats."""
+    with tempfile.NamedTemporaryFile(suffix=".npz") as file:
+        np.savez(file, values=values, low=(0, 0, 0), voxel=voxel, origin=origin, half=False)
+        file.flush()
+        _debian(WRITE, file.name, path)
+    return path
+
+
 def write_balls(path, balls, voxel, scale=1.0, shift=(0.0, 0.0, 0.0), half=False):
     """A VDB of `balls`, with deliberate faults on request: values times `scale`, everything moved by `shift` voxels."""
     values, low = coverage(balls, voxel)

@@ -1,6 +1,7 @@
 """What the scripts that run inside Blender share. Imported there only: `from kit import *`."""
 import math
 import os
+import time
 
 import bpy
 import numpy as np
@@ -100,28 +101,114 @@ def sky(radiance):
     background.inputs[0].default_value, background.inputs[1].default_value = (1, 1, 1, 1), radiance
 
 
-def render(width, height, samples, bounces=0, step_rate=0.5):
-    """Cycles' picture, linear: an array of height x width, row 0 at the top, the mean of the channels."""
+def settings(width, height, samples, bounces=0, step_rate=0.5, seed=1):
+    """Cycles without anything that would make its pictures other than the plain mean of independent paths."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     cycles = scene.cycles
-    cycles.device, cycles.samples, cycles.seed = "CPU", samples, 1
+    cycles.device, cycles.samples, cycles.seed = "CPU", samples, seed
     cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.max_bounces, cycles.volume_bounces = max(bounces, 4), bounces
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
     cycles.pixel_filter_type = "BOX"
-    cycles.volume_step_rate, cycles.volume_max_steps = step_rate, 4096
+    if hasattr(cycles, "volume_step_rate"):
+        cycles.volume_step_rate, cycles.volume_max_steps = step_rate, 4096
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width, height, 100
     scene.render.threads_mode, scene.render.threads = "FIXED", 2
     scene.view_settings.view_transform = "Raw"
-    settings = scene.render.image_settings
-    settings.file_format, settings.color_depth = "OPEN_EXR", "32"
+    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
     scene.render.filepath = os.path.join(bpy.app.tempdir, "frame.exr")
+    return scene
+
+
+def shoot():
+    """The picture with the settings as they are, linear: height x width x 3, row 0 at the top."""
+    scene = bpy.context.scene
     bpy.ops.render.render(write_still=True)
     image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.array(image.pixels[:], np.float64).reshape(height, width, 4)[::-1, :, :3].mean(axis=2)
+    width, height = image.size
+    pixels = np.array(image.pixels[:], np.float64).reshape(height, width, 4)[::-1, :, :3]
     bpy.data.images.remove(image)
     return pixels
+
+
+def render(width, height, samples, bounces=0, step_rate=0.5):
+    """Cycles' picture, linear: an array of height x width, row 0 at the top, the mean of the channels."""
+    settings(width, height, samples, bounces, step_rate)
+    return shoot().mean(axis=2)
+
+
+def matte(albedo):
+    """A Lambertian material."""
+    material = bpy.data.materials.new("Matte")
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader, out = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
+    shader.inputs[0].default_value, shader.inputs["Roughness"].default_value = (*(albedo,) * 3, 1.0), 0.0
+    tree.links.new(shader.outputs[0], out.inputs["Surface"])
+    return material
+
+
+def stage(described):
+    """Builds a scene of peers.py. Light and camera come first: in 5.2 a volume made before them was seen empty."""
+    start()
+    if described["sun"]["irradiance"] > 0:
+        direction = Vector(described["sun"]["direction"])
+        light = sun(described["sun"]["irradiance"], toward=-direction)
+        light.data.angle = described["sun"]["angle"]
+    eye = described["camera"]
+    camera(eye["position"], eye["look_at"], angle=eye["fov_x"]).data.sensor_fit = "HORIZONTAL"
+    sky(described["sky"])
+    if described.get("ground"):
+        ground = described["ground"]
+        bpy.ops.mesh.primitive_plane_add(size=2 * ground["half_size"], location=(0, 0, ground["z"]))
+        named("Ground").data.materials.append(matte(ground["albedo"]))
+    for i, ball in enumerate(described.get("balls", ())):
+        # A mesh lies inside its sphere: scaled to the sphere's volume, 80 thousand triangles are within 3e-5 of it.
+        thing = ico(f"Ball.{i}", at=ball["centre"], subdivisions=7)
+        volume = _volume(thing.data)
+        thing.scale = (ball["radius"] * (4 / 3 * math.pi / volume) ** (1 / 3),) * 3
+        principled(thing, ball["sigma"], ball["albedo"], anisotropy=ball["g"])
+    if described.get("vdb"):
+        volume = import_volume(described["vdb"])
+        volume.data.render.precision = "FULL"
+        # Blender 4.5 takes OpenVDB's samples for the lower corners of voxels.
+        volume.location = (-described["voxel"] * shift(),) * 3
+        principled(volume, described["sigma"], described["albedo"], anisotropy=described["g"])
+
+
+def shift():
+    """How many voxels too far along each axis this Blender shows a VDB (test_cycles.py measures it)."""
+    return 0.5 if bpy.app.version < (5, 0, 0) else 0.0
+
+
+def _volume(mesh):
+    mesh.calc_loop_triangles()
+    points = np.empty(3 * len(mesh.vertices))
+    mesh.vertices.foreach_get("co", points)
+    corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("vertices", corners)
+    a, b, c = points.reshape(-1, 3)[corners.reshape(-1, 3)].transpose(1, 0, 2)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def shots(described, samples, seeds, bounces, step_rate):
+    """Pictures of a described scene, one for each seed, and the seconds of each."""
+    stage(described)
+    scene = settings(described["width"], described["height"], samples, bounces, step_rate)
+    cycles = scene.cycles
+    # Shadow rays pass the hulls of volumes as transparent hits; nothing is dropped for being faint.
+    cycles.transparent_max_bounces, cycles.light_sampling_threshold = 1024, 0.0
+    cycles.sampling_pattern = "TABULATED_SOBOL"
+    scene.render.use_persistent_data = True
+    pictures, seconds = [], []
+    for seed in seeds:
+        cycles.seed = seed
+        begin = time.perf_counter()
+        pictures.append(shoot())
+        seconds.append(time.perf_counter() - begin)
+    return np.array(pictures), seconds
 
 
 def transmittance(path, views, width, pixels, density, samples=16, step_rate=0.5):

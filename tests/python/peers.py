@@ -1,0 +1,250 @@
+"""One scene in cloudvdb, in Cycles and in Mitsuba: the translations, and how each is run.
+
+A scene is a dict in Blender's frame and in metres:
+
+    {"balls": [{"centre", "radius", "sigma", "albedo", "g"}, ...]              either these
+     "vdb": path, "voxel": h, "sigma", "albedo", "g",                          or a grid named density,
+     "values": array, "origin": centre of values[0, 0, 0],                     and what is in it (for Mitsuba)
+     "sun": {"direction", "irradiance", "angle"}, "sky": radiance,
+     "ground": {"z", "albedo", "half_size"} or None,
+     "camera": {"position", "look_at", "fov_x"}, "width", "height"}
+
+Every renderer gives radiance, height x width x 3, row 0 at the top. What to know about them:
+
+* Cycles 4.5 has no bias in homogeneous volumes; grids it marches (1 to 2 % low where a cloud is dense). 5.2 has none.
+* Mitsuba has no overlapping media and no sun's disc: its sun is a point, so shadows have no penumbra.
+"""
+import dataclasses
+import importlib.util
+import json
+import math
+import os
+import pathlib
+
+import numpy as np
+
+import command
+import gltf
+import vdbinfo
+from blender import blender
+
+BOUNCES = 256
+SUN = {"direction": (0.8, 0.4, -0.6), "irradiance": 3.0, "angle": 0.00918}
+
+
+@dataclasses.dataclass
+class Shots:
+    """Pictures of one scene, one a seed."""
+    images: np.ndarray
+    seconds: list
+    errors: np.ndarray = None       # standard errors a pixel, where the renderer states them
+    layers: dict = None             # of the last picture
+
+
+def described(width=32, height=24, sun=SUN, sky=0.0, ground=None, camera=None, **media):
+    """A scene with what is not said filled in. `sun=None`: no sun."""
+    return {"sun": dict(SUN, irradiance=0.0) if sun is None else {**SUN, **sun}, "sky": sky,
+            "ground": {"half_size": 100.0, **ground} if ground else None, "width": width, "height": height,
+            "camera": {"position": (0.0, -5.2, 0.2), "look_at": (0.0, 0.0, 0.2), "fov_x": 0.75, **(camera or {})}, **media}
+
+
+def ball(centre, radius, sigma, albedo=0.999, g=0.85):
+    return {"centre": centre, "radius": radius, "sigma": sigma, "albedo": albedo, "g": g}
+
+
+def grid(path, values, voxel, origin, sigma=25.0, albedo=0.999, g=0.85):
+    """Writes `values` (x, y, z), whose first sample is at `origin`; returns the media part of a scene."""
+    vdbinfo.write_values(path, values, voxel, origin)
+    return {"vdb": str(path), "voxel": voxel, "values": values, "origin": tuple(origin), "sigma": sigma, "albedo": albedo, "g": g}
+
+
+# ------------------------------------------------------------------------------------------------------------- Cycles
+
+CYCLES = """
+arrays["images"], out["seconds"] = shots(given["scene"], given["samples"], given["seeds"], given["bounces"], given["step_rate"])
+out["version"] = bpy.app.version_string
+"""
+
+
+def plain(scene):
+    return {k: v for k, v in scene.items() if k not in ("values", "origin")}
+
+
+def cycles(scene, samples, seeds=8, bounces=BOUNCES, step_rate=0.5, python=None, timeout=3000):
+    """Pictures for seeds 0 to `seeds` - 1 (or the seeds listed), by bpy 4.5 or the Blender of another `python`."""
+    seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
+    out = blender(CYCLES, timeout=timeout, python=python, scene=plain(scene), samples=samples, seeds=seeds, bounces=bounces,
+                  step_rate=step_rate)
+    return Shots(out["arrays"]["images"], out["seconds"])
+
+
+def newer_blender():
+    """A Python with bpy 5.2, or None: it needs Python 3.13, so it has an environment of its own."""
+    return os.environ.get("CLOUDVDB_BPY52") or None
+
+
+# ------------------------------------------------------------------------------------------------------------ Mitsuba
+
+MITSUBA = """
+import json, math, time
+import numpy as np, mitsuba as mi
+mi.set_variant("scalar_rgb")
+from mitsuba import ScalarTransform4f as T
+given = json.load(open("given.json"))
+out, arrays = {}, {}
+s = given["scene"]
+
+def colour(x): return {"type": "rgb", "value": float(x)}
+def medium(of, sigma_t): return {"type": "homogeneous", "albedo": of["albedo"], "sigma_t": sigma_t, "phase": {"type": "hg", "g": of["g"]}}
+
+parts = {"type": "scene", "integrator": {"type": "volpath", "max_depth": given["bounces"] + 1, "rr_depth": 1000000}}
+eye = s["camera"]
+parts["sensor"] = {"type": "perspective", "fov": math.degrees(eye["fov_x"]), "fov_axis": "x",
+    "to_world": T().look_at(origin=eye["position"], target=eye["look_at"], up=[0, 0, 1]), "sampler": {"type": "independent"},
+    "film": {"type": "hdrfilm", "width": s["width"], "height": s["height"], "rfilter": {"type": "box"}, "pixel_format": "rgb"}}
+if s["sun"]["irradiance"] > 0:
+    parts["sun"] = {"type": "directional", "direction": s["sun"]["direction"], "irradiance": colour(s["sun"]["irradiance"])}
+if s["sky"] > 0: parts["sky"] = {"type": "constant", "radiance": colour(s["sky"])}
+if s["ground"]:
+    g = s["ground"]
+    parts["ground"] = {"type": "rectangle", "to_world": T().translate([0, 0, g["z"]]).scale(g["half_size"]),
+                       "bsdf": {"type": "diffuse", "reflectance": colour(g["albedo"])}}
+for i, b in enumerate(s.get("balls") or ()):
+    parts[f"ball{i}"] = {"type": "sphere", "center": b["centre"], "radius": b["radius"], "bsdf": {"type": "null"}, "interior": medium(b, b["sigma"])}
+if s.get("vdb"):
+    values, h = np.load(given["values"]), s["voxel"]
+    low, size = np.array(s["origin"]) - h / 2, np.array(values.shape) * h
+    texture = mi.VolumeGrid(np.ascontiguousarray(values.transpose(2, 1, 0)[..., None], np.float32))
+    inside = {"type": "heterogeneous", "albedo": s["albedo"], "scale": s["sigma"], "phase": {"type": "hg", "g": s["g"]},
+              "sigma_t": {"type": "gridvolume", "grid": texture, "filter_type": "trilinear",
+                          "to_world": T().translate(low.tolist()).scale(size.tolist())}}
+    parts["cloud"] = {"type": "cube", "bsdf": {"type": "null"}, "interior": inside,
+                      "to_world": T().translate((low + size / 2).tolist()).scale((size / 2).tolist())}
+scene = mi.load_dict(parts)
+mi.render(scene, spp=1, seed=10**6)
+images, out["seconds"] = [], []
+for seed in given["seeds"]:
+    begin = time.perf_counter()
+    images.append(np.array(mi.render(scene, spp=given["samples"], seed=seed))[..., :3])
+    out["seconds"].append(time.perf_counter() - begin)
+arrays["images"] = np.array(images)
+"""
+
+
+def has_mitsuba():
+    """`make crosscheck` installs it; `make test` does without."""
+    return importlib.util.find_spec("mitsuba") is not None
+
+
+def mitsuba(scene, samples, seeds=8, bounces=BOUNCES, timeout=3000):
+    """Pictures by Mitsuba 3's volpath, variant scalar_rgb."""
+    seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
+    balls = scene.get("balls") or ()
+    for i, a in enumerate(balls):
+        for b in balls[:i]:
+            if math.dist(a["centre"], b["centre"]) < a["radius"] + b["radius"]:
+                raise ValueError("Mitsuba has no overlapping media")
+    given = {k: v for k, v in scene.items() if k != "values"}
+    path = None
+    if scene.get("vdb"):
+        path = str(pathlib.Path(scene["vdb"]).with_suffix(".values.npy").resolve())
+        np.save(path, np.asarray(scene["values"], np.float32))
+    out = blender(MITSUBA, timeout=timeout, prelude="", scene=given, values=path, samples=samples, seeds=seeds, bounces=bounces)
+    return Shots(out["arrays"]["images"], out["seconds"])
+
+
+# ----------------------------------------------------------------------------------------------------------- cloudvdb
+
+def numbers(values):
+    return ",".join(repr(float(v)) for v in values)
+
+
+def layout(scene, path):
+    """The balls and the ground of a scene as glTF; light and camera are said on the command line."""
+    nodes = [gltf.ball(f"Ball.{i}", b["centre"], b["radius"], sigma_s=b["sigma"] * b["albedo"],
+                       sigma_a=b["sigma"] * (1 - b["albedo"]), g=b["g"]) for i, b in enumerate(scene["balls"])]
+    document, blob = gltf.document(nodes)
+    if scene["ground"]:
+        blob = gltf.add_ground(document, blob, **scene["ground"])
+    return gltf.write(path, document, blob)
+
+
+def flags(scene):
+    """What a scene says beside its media."""
+    sun, eye = scene["sun"], scene["camera"]
+    out = ["--sun", numbers(sun["direction"]), "--irradiance", sun["irradiance"], "--sun-angle", sun["angle"],
+           "--sky", scene["sky"], "--camera", numbers(eye["position"]), "--look-at", numbers(eye["look_at"]),
+           "--fov", math.degrees(eye["fov_x"]), "--size", f"{scene['width']}x{scene['height']}"]
+    if scene.get("vdb"):
+        out += ["--sigma-t", scene["sigma"], "--albedo", scene["albedo"], "-g", scene["g"]]
+    return [f"{a}" for a in out]
+
+
+def can_show(scene):
+    """A bare grid has no surfaces beside it."""
+    return not (scene.get("vdb") and scene["ground"])
+
+
+def cloudvdb(scene, folder, samples, seeds=1, timeout=3000, threads=2):
+    """Pictures by the command under test, with the standard errors that it states."""
+    assert can_show(scene), "a bare .vdb has no ground"
+    seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
+    folder = pathlib.Path(folder)
+    source = scene["vdb"] if scene.get("vdb") else layout(scene, folder / "scene.glb")
+    images, errors, seconds, layers = [], [], [], None
+    for seed in seeds:
+        target = folder / f"ours_{seed}.exr"
+        ran = command.succeed(source, "-o", target, "--overwrite", "--density", "source", "--integrator", "path",
+                              "--spp", samples, "--seed", seed, "--threads", threads, "-q", *flags(scene), timeout=timeout)
+        seconds.append(ran.seconds)
+        layers = read_exr(target)
+        images.append(layers["Combined"])
+        errors.append(layers["StandardError"])
+    return Shots(np.array(images), seconds, np.array(errors), layers)
+
+
+def read_exr(path):
+    """The layers of a picture: {name: height x width x 3, or height x width where it has one channel}. A view layer's name
+    before them is dropped; plain channels are `Combined` where no layer of that name is there, and the standard error is
+    `StandardError` however it is spelt."""
+    import OpenEXR
+
+    found = {}
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        for part in file.parts:
+            for name, channel in part.channels.items():
+                pixels = np.array(channel.pixels)
+                assert pixels.dtype == np.float32, f"{name} is {pixels.dtype}"
+                *layer, last = name.split(".")  # ViewLayer.Combined.R; or R, in a part of its own
+                if not layer and len(file.parts) > 1:
+                    layer = (part.name() or "").split(".")
+                found.setdefault(layer[-1] if layer else "", {})[last.upper()] = pixels.astype(np.float64)
+    out = {}
+    for layer, channels in found.items():
+        if {"R", "G", "B"} <= set(channels):
+            out[layer] = np.stack([channels[c] for c in "RGB"], axis=-1)
+        else:
+            out[layer] = next(iter(channels.values()))
+    if "Combined" not in out:
+        out["Combined"] = out[""]
+    for layer in list(out):
+        word = "".join(c for c in layer.lower() if c.isalpha())
+        if "standarderror" in word or "stderr" in word:
+            out["StandardError"] = out[layer]
+    assert "StandardError" in out, f"{path} has no layer of standard errors, only {sorted(found)}"
+    return out
+
+
+def plain_exr(path):
+    """R, G and B of a picture without layers."""
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return np.stack([np.array(file.channels()[c].pixels, np.float64) for c in "RGB"], axis=-1)
+
+
+def flux(scene, *options, timeout=600):
+    """The energy balance: {quantity: (value, standard error)}."""
+    ran = command.succeed("flux", scene, "--json", *options, timeout=timeout)
+    told = json.loads(ran.out)
+    return {k: (v["value"], v["se"]) for k, v in told.items() if isinstance(v, dict) and {"value", "se"} <= set(v)}
