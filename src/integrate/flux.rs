@@ -192,7 +192,16 @@ impl Tracer {
                 (None, Flight::Collision { region, .. }) => (colour.media.optics(region).albedo, Tally::AbsorbedMedium),
                 (None, Flight::Passed) => {
                     let up = ray.direction.z > 0.0;
-                    tally(if up { Tally::Up } else if diffuse { Tally::DownDiffuse } else { Tally::DownDirect }, weight);
+                    tally(
+                        if up {
+                            Tally::Up
+                        } else if diffuse {
+                            Tally::DownDiffuse
+                        } else {
+                            Tally::DownDirect
+                        },
+                        weight,
+                    );
                     return;
                 }
             };

@@ -92,8 +92,7 @@ pub fn render(scene: &Scene, plan: &Plan, camera: &Camera, settings: &RenderSett
         })
         .collect();
     progress.check()?;
-    let mut film =
-        Film { width, height, pixels: vec![Pixel::default(); (width * height) as usize], sky: tracer.sky.max_element() > 0.0 };
+    let mut film = Film { width, height, pixels: vec![Pixel::default(); (width * height) as usize], sky: tracer.sky.max_element() > 0.0 };
     for (tile, out) in (0..).zip(&tiles) {
         let (x0, y0) = (tile % across * TILE, tile / across * TILE);
         let columns = TILE.min(width - x0);
@@ -161,7 +160,11 @@ impl Tile {
             surface: rgb(light[2]),
             environment: rgb(light[3]),
             // One sample does not know its error.
-            standard_error: if spp > 1 { DVec3::from_array(variance.to_array().map(f64::sqrt)).as_vec3().to_array() } else { [f32::INFINITY; 3] },
+            standard_error: if spp > 1 {
+                DVec3::from_array(variance.to_array().map(f64::sqrt)).as_vec3().to_array()
+            } else {
+                [f32::INFINITY; 3]
+            },
             transmittance: (through / clear) as f32,
             opaque: (f64::from(opaque) / clear) as f32,
             depth: if events > 0 { (depth / f64::from(events)) as f32 } else { NOTHING },

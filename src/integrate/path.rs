@@ -130,7 +130,7 @@ impl PathTracer {
             reach = f32::INFINITY;
             let brightest = throughput.max_element();
             if brightest < DIM {
-                if f32::from(rng.uniform_f32()) * DIM >= brightest {
+                if rng.uniform_f32() * DIM >= brightest {
                     return arrival;
                 }
                 throughput *= DIM / brightest;

@@ -364,8 +364,8 @@ impl Grid {
             enter = enter.max(near[axis].min(far[axis]));
             leave = leave.min(near[axis].max(far[axis]));
         }
-        // Written so that NaN ends here too.
-        if !(enter < leave) {
+        // NaN (a ray that is none) ends here too.
+        if enter.partial_cmp(&leave) != Some(std::cmp::Ordering::Less) {
             return;
         }
         let (mut before, mut t, mut tiles) = (0.0f32, enter, 0u32);

@@ -216,7 +216,8 @@ fn the_mean_free_path_is_one_over_the_extinction() {
     let (mut sum, mut sum2) = (0.0, 0.0);
     for _ in 0..n {
         let ray = Ray { origin: Vec3::new(0.5, 0.0, 0.0), direction: random_direction(&mut rng) };
-        let Flight::Collision { distance, .. } = media.fly_regions(&ray, f32::INFINITY, rng.optical_depth(), 0.0, || 0.5, &mut scratch) else {
+        let Flight::Collision { distance, .. } = media.fly_regions(&ray, f32::INFINITY, rng.optical_depth(), 0.0, || 0.5, &mut scratch)
+        else {
             panic!()
         };
         sum += f64::from(distance);
@@ -241,7 +242,8 @@ fn extreme_scales_stay_finite() {
                 let ray = Ray { origin: random_direction(&mut rng) * (radius as f32 * 2.0), direction: random_direction(&mut rng) };
                 let depth = media.optical_depth(&ray, f32::INFINITY, &mut scratch);
                 assert!(depth.is_finite() && depth >= 0.0 && depth <= 2.000_01 * (radius * sigma + 1e-6), "{radius} {sigma}: {depth}");
-                if let Flight::Collision { distance, .. } = media.fly_regions(&ray, f32::INFINITY, rng.optical_depth(), sigma, || 0.3, &mut scratch)
+                if let Flight::Collision { distance, .. } =
+                    media.fly_regions(&ray, f32::INFINITY, rng.optical_depth(), sigma, || 0.3, &mut scratch)
                 {
                     assert!(distance.is_finite() && distance >= 0.0);
                 }

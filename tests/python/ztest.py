@@ -183,8 +183,9 @@ class Verdict:
         return "\n  ".join([head, *self.complaints, *tail])
 
 
-def compare(ours, theirs, name="pictures", tolerance=0.0, folder=None, alpha=ALPHA):
-    """Judges two pictures. `tolerance` is how far theirs may be off systematically, as a part of the radiance.
+def compare(ours, theirs, name="pictures", tolerance=0.0, folder=None, alpha=ALPHA, skip=None):
+    """Judges two pictures. `tolerance` is how far theirs may be off systematically, as a part of the radiance;
+    pixels in `skip` are not judged.
 
     Three questions at every block size, one of the whole: is the sum of Z^2 what chi-squared allows (and, for
     pixels, not less: a stated error that is too large is as wrong as one too small)? Are there more |Z| beyond the 1 % point than Poisson allows? Is
@@ -199,6 +200,8 @@ def compare(ours, theirs, name="pictures", tolerance=0.0, folder=None, alpha=ALP
     mean = np.where(np.isfinite(ours.mean + theirs.mean), (ours.mean + theirs.mean) / 2, 0.0)
     difference = np.where(np.isfinite(ours.mean - theirs.mean), ours.mean - theirs.mean, 0.0)
     both = [pooled(np.nan_to_num(picture.variance), mean) for picture in (ours, theirs)]
+    if skip is not None:
+        difference, both = np.where(skip, 0.0, difference), [np.where(skip, 0.0, variance) for variance in both]
     for size in SIZES:
         level, gap = blocks(mean, size), blocks(difference, size)
         variance = blocks(both[0] + both[1], size) / size ** 2 + (tolerance * level) ** 2
@@ -246,6 +249,16 @@ def compare(ours, theirs, name="pictures", tolerance=0.0, folder=None, alpha=ALP
     if complaints:
         verdict.dumped = dump(ours, theirs, maps, name, folder)
     return verdict
+
+
+def rim(picture):
+    """The pixels that a shape before an even sky covers in part: those beside one without any noise.
+
+    Cycles places the samples of a pixel alike for every seed. What that leaves of the shape's share of a pixel is no
+    noise between seeds, and where all else is nearly even it is all there is to see.
+    """
+    still = picture.variance <= 1e-12 * picture.mean ** 2
+    return ~still & (around(still) > 0)
 
 
 def stated_errors(stated, images, alpha=ALPHA):
