@@ -66,12 +66,13 @@ impl Film {
 
     /// The relative standard error of a pixel: the root of the mean squared one, over the mean luminance.
     ///
-    /// Pixels are weighed alike; those that receive nothing and know it do not make it smaller.
-    pub fn relative_error(&self) -> f64 {
+    /// Pixels are weighed alike; those that receive nothing and know it do not make it smaller. `None` where no pixel receives
+    /// light, or an error is not known.
+    pub fn relative_error(&self) -> Option<f64> {
         let lit = self.pixels.iter().filter(|p| grey(p.combined()) > 0.0);
         let (n, error, sum) =
             lit.fold((0.0, 0.0, 0.0), |(n, error, sum), p| (n + 1.0, error + grey(p.standard_error).powi(2), sum + grey(p.combined())));
-        if sum > 0.0 { (error / f64::max(n, 1.0)).sqrt() / (sum / n) } else { 0.0 }
+        Some((error / n).sqrt() / (sum / n)).filter(|error| error.is_finite() && sum > 0.0)
     }
 }
 

@@ -294,7 +294,7 @@ impl Media {
 }
 
 /// The chance to look exactly at sunlight, over the share of it that is expected to arrive; and the least chance.
-const LOOK: f64 = 1.0;
+const LOOK: f64 = 0.3;
 const LEAST: f64 = 0.05;
 
 /// With at most so many intervals, looking for the next end is faster than sorting all.

@@ -4,6 +4,7 @@ mod band;
 pub mod flux;
 mod lens;
 mod path;
+mod sunlight;
 
 use crate::error::Result;
 use crate::film::{Film, NOTHING, Pixel};
@@ -60,7 +61,7 @@ pub struct Rendering {
 /// Pixels along a side of a tile: the item that has a stream of random numbers of its own.
 const TILE: u32 = 8;
 /// Samples of a pixel that also measure the transmittance, exactly along each ray.
-const CLEAR: u32 = 16;
+const CLEAR: u32 = 8;
 
 /// Renders a scene as `camera` sees it.
 ///

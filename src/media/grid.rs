@@ -19,6 +19,8 @@ const NONE: u32 = u32::MAX;
 const NODE: i32 = 6;
 const BRICK: i32 = 3;
 const BLOCK: i32 = 2;
+/// So many voxels are near.
+const NEAR: f32 = 8.0;
 /// A transmittance plays roulette each time that it has fallen by so many optical depths, and goes on with this probability.
 const FAINT_DEPTH: f64 = 2.0;
 const SURVIVAL: f64 = 0.25;
@@ -52,6 +54,8 @@ pub(super) struct Grid {
 struct Brick {
     /// The largest sample that each block's cells can see, x slowest.
     majorants: [f32; 8],
+    /// The mean density of each block.
+    means: [f32; 8],
     /// The first of its samples in the source's, or NONE where they are all 0.
     samples: u32,
 }
@@ -134,35 +138,38 @@ impl Grid {
             }
             let entry = self.entry(IVec3::from_array(o)).unwrap_or_default();
             self.tables[entry] = self.bricks.len() as u32;
-            self.bricks.push(Brick { majorants: [0.0; 8], samples: NONE });
+            self.bricks.push(Brick { majorants: [0.0; 8], means: [0.0; 8], samples: NONE });
         }
         for (i, &o) in own.iter().enumerate() {
             if let Some(brick) = self.brick(o) {
                 self.bricks[brick].samples = i as u32;
             }
         }
-        let majorants: Vec<[f32; 8]> = wanted.par_iter().map(|&o| self.majorants(IVec3::from_array(o))).collect();
-        for (brick, majorants) in self.bricks.iter_mut().zip(majorants) {
-            brick.majorants = majorants;
+        let blocks: Vec<[(f32, f32); 8]> = wanted.par_iter().map(|&o| self.blocks(IVec3::from_array(o))).collect();
+        for (brick, blocks) in self.bricks.iter_mut().zip(blocks) {
+            (brick.majorants, brick.means) = (blocks.map(|b| b.0), blocks.map(|b| b.1));
         }
     }
 
-    /// The largest sample that the cells of each block of a brick see: those of 5^3 samples.
-    fn majorants(&self, brick: IVec3) -> [f32; 8] {
+    /// Of each block of a brick, the largest of the 5^3 samples that its cells see, and their mean density.
+    fn blocks(&self, brick: IVec3) -> [(f32, f32); 8] {
         std::array::from_fn(|block| {
             let corner = brick + IVec3::new(block as i32 >> 2 & 1, block as i32 >> 1 & 1, block as i32 & 1) * (1 << BLOCK);
-            let mut most = 0.0f32;
+            let (mut most, mut sum) = (0.0f32, 0.0f32);
             for x in 0..=4 {
                 for y in 0..=4 {
                     for z in 0..=4 {
                         let at = corner + IVec3::new(x, y, z);
                         if at.cmplt(self.size << NODE).all() {
-                            most = most.max(self.sample(at));
+                            let sample = self.sample(at);
+                            most = most.max(sample);
+                            // Samples on a face belong half to the neighbour.
+                            sum += sample * [x, y, z].iter().map(|&i| if i % 4 == 0 { 0.5 } else { 1.0 }).product::<f32>();
                         }
                     }
                 }
             }
-            most
+            (most, sum / 64.0)
         })
     }
 
@@ -202,6 +209,13 @@ impl Grid {
         }
         let v = at & 7;
         self.source.bricks.values[samples as usize * BRICK_VOXELS + (v.x << 6 | v.y << 3 | v.z) as usize]
+    }
+
+    /// The mean density of a cell's block.
+    #[inline]
+    fn mean(&self, cell: IVec3) -> f32 {
+        let b = (cell >> BLOCK) & 1;
+        self.brick(cell).map_or(0.0, |brick| self.bricks[brick].means[(b.x << 2 | b.y << 1 | b.z) as usize])
     }
 
     /// The size in bits and the majorant of the largest block around a cell that is known to be alike.
@@ -333,12 +347,16 @@ impl Grid {
         self.sample(base + IVec3::new(beyond.x.into(), beyond.y.into(), beyond.z.into()))
     }
 
-    /// The optical depth along `ray`, roughly: by the middles of steps of a voxel, and no farther than to `most`.
+    /// The optical depth along `ray`, roughly, and no farther than to `most`: near by in steps of a voxel, then by the means of blocks.
     fn rough_depth(&self, ray: &Ray, most: f32) -> f32 {
         let mut depth = 0.0;
         self.walk::<false>(ray, f32::INFINITY, |segment| {
-            let length = segment.to - segment.from;
-            let steps = (length * segment.direction.length()).ceil();
+            let (length, per_metre) = (segment.to - segment.from, segment.direction.length());
+            if segment.before + segment.from > NEAR / per_metre {
+                depth += self.mean(segment.low) * length * self.sigma_t as f32;
+                return if depth < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+            }
+            let steps = (length * per_metre).ceil();
             let step = length / steps;
             for i in 0..steps as u32 {
                 let p = segment.origin + segment.direction * (segment.from + (i as f32 + 0.5) * step);

@@ -21,10 +21,12 @@ pub struct Render {
     pub collisions: u64,
     /// Paths cut after very many collisions; their light is missing.
     pub truncated: u64,
+    /// Samples of a grid above their majorant, each a bias; 0 by construction.
+    pub majorant_violations: u64,
     /// The mean luminance of the picture, W m^-2 sr^-1.
     pub mean_radiance: f64,
-    /// The relative standard error of a pixel: [`crate::film::Film::relative_error`].
-    pub relative_error: f64,
+    /// The relative standard error of a pixel: [`crate::film::Film::relative_error`]; absent where one sample cannot tell.
+    pub relative_error: Option<f64>,
     /// How long it took.
     pub seconds: f64,
     /// Camera rays a second.
@@ -46,8 +48,9 @@ impl Render {
             samples: rendering.samples,
             collisions: rendering.collisions,
             truncated: rendering.truncated,
+            majorant_violations: rendering.violations,
             mean_radiance: rendering.film.mean(),
-            relative_error: rendering.film.relative_error(),
+            relative_error: rendering.film.relative_error().filter(|_| settings.spp > 1),
             seconds,
             samples_per_second: rendering.samples as f64 / seconds.max(1e-9),
             // The error of independent samples falls as their root.
@@ -62,15 +65,11 @@ impl Render {
             0 => String::new(),
             n => format!("; {n} paths cut after very many collisions"),
         };
-        format!(
-            "picture   {} x {}, {} samples a pixel, {:.3e} a second; a pixel is known to {:.2} %, and {} samples would halve that in about {}{cut}\n",
-            self.width,
-            self.height,
-            self.spp,
-            self.samples_per_second,
-            100.0 * self.relative_error,
-            self.spp_for_half,
-            duration(self.seconds_for_half)
-        )
+        let known = self.relative_error.map_or(String::new(), |error| {
+            let (spp, seconds) = (self.spp_for_half, duration(self.seconds_for_half));
+            format!("; a pixel is known to {:.2} %, and {spp} samples would halve that in about {seconds}", 100.0 * error)
+        });
+        let (width, height, spp) = (self.width, self.height, self.spp);
+        format!("picture   {width} x {height}, {spp} samples a pixel, {:.3e} a second{known}{cut}\n", self.samples_per_second)
     }
 }

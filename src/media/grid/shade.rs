@@ -5,16 +5,23 @@ use crate::geom::Ray;
 use glam::{IVec3, Mat3, Vec3};
 use rayon::prelude::*;
 
-/// Nodes along the side of a brick, its far side included: one at every other sample.
-const NODES: usize = 5;
+/// Samples between two nodes of the lattice; fine where so many would be more than [`COARSE`] optical depths.
+const SPACINGS: (i32, i32) = (4, 2);
+const COARSE: f32 = 2.0;
 /// Optical depths beyond this are all dark.
-const DARK: f32 = 16.0;
+const DARK: f32 = 12.0;
 /// Depths are stored in so many parts of [`DARK`].
 const PARTS: f32 = 65535.0;
 
-/// Optical depths toward the sun, on a lattice within each brick.
+/// Optical depths toward the sun, on a lattice within each brick, its far sides included.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Shade(Vec<[u16; NODES * NODES * NODES]>);
+pub(super) struct Shade {
+    spacing: i32,
+    /// Nodes along a side of a brick.
+    nodes: usize,
+    /// Brick by brick, x slowest.
+    depths: Vec<u16>,
+}
 
 impl Grid {
     /// Learns the optical depths in direction `toward` (the sun's middle), roughly.
@@ -33,15 +40,18 @@ impl Grid {
                 }
             }
         }
-        let one = |corner: &IVec3| {
-            std::array::from_fn(|i| {
-                let node = IVec3::new((i / NODES / NODES) as i32, (i / NODES % NODES) as i32, (i % NODES) as i32);
-                let p = (*corner + node * 2).clamp(self.low, self.high).as_vec3();
-                let ray = Ray { origin: local_from_index * (p - self.offset), direction: toward };
-                (self.rough_depth(&ray, DARK).min(DARK) * (PARTS / DARK) + 0.5) as u16
-            })
+        let densest = self.bricks.iter().flat_map(|b| b.majorants).fold(0.0, f32::max) * self.sigma_t as f32;
+        let voxel = 1.0 / (self.index_from_local * toward).length();
+        let spacing = if densest * voxel * SPACINGS.0 as f32 > COARSE { SPACINGS.1 } else { SPACINGS.0 };
+        let nodes = (super::BRICK_SIDE / spacing) as usize + 1;
+        let one = |corner: &IVec3, i: usize| {
+            let node = IVec3::new((i / nodes / nodes) as i32, (i / nodes % nodes) as i32, (i % nodes) as i32);
+            let p = (*corner + node * spacing).clamp(self.low, self.high).as_vec3();
+            let ray = Ray { origin: local_from_index * (p - self.offset), direction: toward };
+            (self.rough_depth(&ray, DARK).min(DARK) * (PARTS / DARK) + 0.5) as u16
         };
-        self.shade = Shade(corners.par_iter().map(one).collect());
+        let depths = corners.par_iter().flat_map_iter(|corner| (0..nodes.pow(3)).map(move |i| one(corner, i))).collect();
+        self.shade = Shade { spacing, nodes, depths };
     }
 
     /// The optical depth toward the sun at a point of the scene's local space, roughly; `None` where no brick is.
@@ -58,11 +68,12 @@ impl Grid {
         if cell.cmplt(self.low).any() || cell.cmpge(self.high).any() {
             return None;
         }
-        let depths = &self.shade.0[self.brick(cell)?];
-        let f = (q - ((cell >> BRICK) << BRICK).as_vec3()) * 0.5;
-        let node = f.as_ivec3().min(IVec3::splat(NODES as i32 - 2));
-        let at = (node.x as usize * NODES + node.y as usize) * NODES + node.z as usize;
-        let corners = [0, 1, NODES, NODES + 1, NODES * NODES, NODES * NODES + 1, NODES * NODES + NODES, NODES * NODES + NODES + 1];
+        let (n, spacing) = (self.shade.nodes, self.shade.spacing);
+        let depths = &self.shade.depths[self.brick(cell)? * n * n * n..][..n * n * n];
+        let f = (q - ((cell >> BRICK) << BRICK).as_vec3()) / spacing as f32;
+        let node = f.as_ivec3().min(IVec3::splat(n as i32 - 2));
+        let at = (node.x as usize * n + node.y as usize) * n + node.z as usize;
+        let corners = [0, 1, n, n + 1, n * n, n * n + 1, n * n + n, n * n + n + 1];
         Some(super::trilinear(&corners.map(|c| f32::from(depths[at + c])), f - node.as_vec3()) * (DARK / PARTS))
     }
 }
