@@ -4,14 +4,11 @@
 //! along each axis; density within it is trilinear. Nodes of 64^3 cells hold bricks of 8^3 cells, a brick eight blocks of
 //! 4^3 cells, and each block the largest sample that its cells can see: its majorant, exact by construction.
 
-use crate::geom::Ray;
-use crate::rng::Rng;
 use crate::scene::VoxelGrid;
 use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS};
 use glam::{DAffine3, DVec3, IVec3, Mat3, Vec3};
 use rayon::prelude::*;
 use shade::Shade;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 const NONE: u32 = u32::MAX;
@@ -19,13 +16,6 @@ const NONE: u32 = u32::MAX;
 const NODE: i32 = 6;
 const BRICK: i32 = 3;
 const BLOCK: i32 = 2;
-/// So many voxels are near.
-const NEAR: f32 = 8.0;
-/// A transmittance plays roulette each time that it has fallen by so many optical depths, and goes on with this probability.
-const FAINT_DEPTH: f64 = 2.0;
-const SURVIVAL: f64 = 0.25;
-/// A level ray in an empty gap of a repeated grid never leaves: after so many tiles it is let go.
-const MOST_TILES: u32 = 1 << 20;
 
 /// A voxel grid, compiled.
 #[derive(Debug, Clone)]
@@ -58,23 +48,6 @@ struct Brick {
     means: [f32; 8],
     /// The first of its samples in the source's, or NONE where they are all 0.
     samples: u32,
-}
-
-/// A stretch of a ray within one block.
-struct Segment {
-    /// The ray's origin, in index space and within this tile.
-    origin: Vec3,
-    direction: Vec3,
-    /// Distances along the ray from `origin`, m.
-    from: f32,
-    to: f32,
-    /// To be added to them: from the ray's own origin to `origin`.
-    before: f32,
-    /// The largest sample that can be met.
-    majorant: f32,
-    /// The block's cells: from `low`, below `high`.
-    low: IVec3,
-    high: IVec3,
 }
 
 impl Grid {
@@ -230,75 +203,6 @@ impl Grid {
         (BLOCK, self.bricks[brick as usize].majorants[(b.x << 2 | b.y << 1 | b.z) as usize])
     }
 
-    /// Flies until a collision, at most to `t_max`, by null collisions: the distance.
-    ///
-    /// A collision is accepted by one of the eight samples around it, drawn with its weight as probability: the expectation
-    /// is the trilinear density, so collisions are distributed as by that, for an eighth of the work.
-    pub(super) fn fly(&self, ray: &Ray, t_max: f32, rng: &mut Rng, violations: &mut u64) -> Option<f32> {
-        let mut tau = rng.optical_depth();
-        let mut found = None;
-        self.walk::<false>(ray, t_max, |segment| {
-            let sigma = f64::from(segment.majorant) * self.sigma_t;
-            let mut at = f64::from(segment.from);
-            loop {
-                let left = sigma * (f64::from(segment.to) - at);
-                if tau >= left {
-                    tau -= left;
-                    return ControlFlow::Continue(());
-                }
-                at += tau / sigma;
-                let sample = self.one_sample(&segment, at as f32, rng);
-                *violations += u64::from(sample > segment.majorant);
-                if rng.uniform_f32() * segment.majorant < sample {
-                    found = Some(segment.before + at as f32);
-                    return ControlFlow::Break(());
-                }
-                tau = rng.optical_depth();
-            }
-        });
-        found
-    }
-
-    /// An unbiased estimate of the transmittance over the first `t_max` metres: exact until it has fallen by
-    /// [`FAINT_DEPTH`], where what is left begins to play roulette.
-    pub(super) fn transmittance(&self, ray: &Ray, t_max: f32, rng: &mut Rng) -> f64 {
-        let (mut depth, mut limit, mut weight) = (0.0, FAINT_DEPTH, 1.0);
-        self.walk::<true>(ray, t_max, |segment| {
-            depth += self.depth(&segment) * self.sigma_t;
-            while depth > limit {
-                if rng.uniform() >= SURVIVAL {
-                    weight = 0.0;
-                    return ControlFlow::Break(());
-                }
-                weight /= SURVIVAL;
-                limit += FAINT_DEPTH;
-            }
-            ControlFlow::Continue(())
-        });
-        if weight > 0.0 { weight * (-depth).exp() } else { 0.0 }
-    }
-
-    /// The optical depth over the first `t_max` metres, exact but for rounding: along a line trilinear density is a cubic within
-    /// each cell, which Simpson's rule integrates without error.
-    pub(super) fn optical_depth(&self, ray: &Ray, t_max: f32) -> f64 {
-        let mut sum = 0.0;
-        self.walk::<true>(ray, t_max, |segment| {
-            sum += self.depth(&segment);
-            ControlFlow::Continue(())
-        });
-        sum * self.sigma_t
-    }
-
-    /// The integral of density along a stretch within one cell, by Simpson's rule.
-    #[inline]
-    fn depth(&self, segment: &Segment) -> f64 {
-        let corners = self.corners(segment.low);
-        let low = segment.low.as_vec3();
-        let density = |t: f32| trilinear(&corners, segment.origin + segment.direction * t - low);
-        let (from, to) = (segment.from, segment.to);
-        f64::from(to - from) * f64::from(density(from) + 4.0 * density(0.5 * (from + to)) + density(to)) * (1.0 / 6.0)
-    }
-
     /// The samples at a cell's corners, x slowest.
     #[inline]
     fn corners(&self, cell: IVec3) -> [f32; 8] {
@@ -316,128 +220,6 @@ impl Grid {
         }
         std::array::from_fn(|i| self.sample(cell + IVec3::new(i as i32 >> 2 & 1, i as i32 >> 1 & 1, i as i32 & 1)))
     }
-
-    /// Where the ray's line is within the box of the grid's voxels, or within its layer where it is repeated.
-    pub(super) fn voxel_box(&self, ray: &Ray) -> (f32, f32) {
-        let (o, d) = (self.index_from_local * ray.origin + self.offset, self.index_from_local * ray.direction);
-        // Rays see a sample more on each side than there is, but for repeated axes; voxels end half-way.
-        let half = Vec3::splat(0.5);
-        let (low, high) = (self.low.as_vec3() + half, self.high.as_vec3() - half);
-        let (mut enter, mut exit) = (f32::NEG_INFINITY, f32::INFINITY);
-        for axis in (if self.periodic { 2 } else { 0 })..3 {
-            let (a, b) = ((low[axis] - o[axis]) / d[axis], (high[axis] - o[axis]) / d[axis]);
-            if d[axis] == 0.0 {
-                if o[axis] <= low[axis] || o[axis] >= high[axis] {
-                    return (f32::NAN, f32::NAN);
-                }
-                continue;
-            }
-            (enter, exit) = (enter.max(a.min(b)), exit.min(a.max(b)));
-        }
-        (enter, exit)
-    }
-
-    /// One of the eight samples around the point at distance `at`, drawn by its weight.
-    #[inline]
-    fn one_sample(&self, segment: &Segment, at: f32, rng: &mut Rng) -> f32 {
-        let p = segment.origin + segment.direction * at;
-        // Rounding may carry a point out of its block: it is held there, where the majorant is known.
-        let base = p.as_ivec3().clamp(segment.low, segment.high - 1);
-        let beyond = rng.uniform_vec3().cmplt(p - base.as_vec3());
-        self.sample(base + IVec3::new(beyond.x.into(), beyond.y.into(), beyond.z.into()))
-    }
-
-    /// The optical depth along `ray`, roughly, and no farther than to `most`: near by in steps of a voxel, then by the means of blocks.
-    fn rough_depth(&self, ray: &Ray, most: f32) -> f32 {
-        let mut depth = 0.0;
-        self.walk::<false>(ray, f32::INFINITY, |segment| {
-            let (length, per_metre) = (segment.to - segment.from, segment.direction.length());
-            if segment.before + segment.from > NEAR / per_metre {
-                depth += self.mean(segment.low) * length * self.sigma_t as f32;
-                return if depth < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
-            }
-            let steps = (length * per_metre).ceil();
-            let step = length / steps;
-            for i in 0..steps as u32 {
-                let p = segment.origin + segment.direction * (segment.from + (i as f32 + 0.5) * step);
-                let cell = p.as_ivec3().clamp(segment.low, segment.high - 1);
-                depth += trilinear(&self.corners(cell), p - cell.as_vec3()) * step * self.sigma_t as f32;
-            }
-            if depth < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-        });
-        depth
-    }
-
-    /// Visits the stretches of the ray within blocks whose majorant is not 0 (within their cells, on a fine walk), in order.
-    #[inline]
-    fn walk<const FINE: bool>(&self, ray: &Ray, t_max: f32, mut visit: impl FnMut(Segment) -> ControlFlow<()>) {
-        let direction = self.index_from_local * ray.direction;
-        let mut origin = self.index_from_local * ray.origin + self.offset;
-        let inverse = Vec3::from_array(direction.to_array().map(|d| if d.abs() < 1e-30 { 1e30f32.copysign(d) } else { 1.0 / d }));
-        let forward = inverse.cmpgt(Vec3::ZERO);
-        // The stretch in which density can be above 0; without end along repeated axes.
-        let (near, far) = ((self.low.as_vec3() - origin) * inverse, (self.high.as_vec3() - origin) * inverse);
-        let (mut enter, mut leave) = (0.0f32, t_max);
-        for axis in (if self.periodic { 2 } else { 0 })..3 {
-            enter = enter.max(near[axis].min(far[axis]));
-            leave = leave.min(near[axis].max(far[axis]));
-        }
-        // NaN (a ray that is none) ends here too.
-        if enter.partial_cmp(&leave) != Some(std::cmp::Ordering::Less) {
-            return;
-        }
-        let (mut before, mut t, mut tiles) = (0.0f32, enter, 0u32);
-        let (tile_low, tile) = (self.low.as_vec3(), (self.high - self.low).as_vec3());
-        if self.periodic {
-            // To the tile in which the ray enters.
-            let p = origin + direction * t;
-            for axis in 0..2 {
-                origin[axis] -= ((p[axis] - tile_low[axis]) / tile[axis]).floor() * tile[axis];
-            }
-        }
-        let mut cell = (origin + direction * t).floor().as_ivec3().clamp(self.low, self.high - 1);
-        loop {
-            let (bits, majorant) = self.block(cell);
-            let bits = if FINE && majorant > 0.0 { 0 } else { bits };
-            let low = ((cell >> bits) << bits).max(self.low);
-            let high = (((cell >> bits) + 1) << bits).min(self.high);
-            let ends = (Vec3::select(forward, high.as_vec3(), low.as_vec3()) - origin) * inverse;
-            let axis = if ends.x <= ends.y && ends.x <= ends.z { 0 } else { 1 + usize::from(ends.z < ends.y) };
-            let to = ends[axis].min(leave);
-            if majorant > 0.0 && to > t {
-                let segment = Segment { origin, direction, from: t, to, before, majorant, low, high };
-                if visit(segment).is_break() {
-                    return;
-                }
-            }
-            if ends[axis] >= leave {
-                return;
-            }
-            // Onward by whole cells: never back, whatever rounding does to the distance.
-            t = t.max(ends[axis]);
-            let p = (origin + direction * t).as_ivec3();
-            let (ahead, behind) = (p.clamp(cell, high - 1), p.clamp(low, cell));
-            for other in 0..3 {
-                cell[other] = if forward.test(other) { ahead[other] } else { behind[other] };
-            }
-            cell[axis] = if forward.test(axis) { high[axis] } else { low[axis] - 1 };
-            if cell[axis] < self.low[axis] || cell[axis] >= self.high[axis] {
-                if !self.periodic || axis == 2 || tiles == MOST_TILES {
-                    return;
-                }
-                // The next tile: distances are counted anew, so that they stay small.
-                tiles += 1;
-                let start = origin + direction * t;
-                (before, leave, t) = (before + t, leave - t, 0.0);
-                origin = start;
-                if forward.test(axis) {
-                    (cell[axis], origin[axis]) = (self.low[axis], tile_low[axis]);
-                } else {
-                    (cell[axis], origin[axis]) = (self.high[axis] - 1, tile_low[axis] + tile[axis]);
-                }
-            }
-        }
-    }
 }
 
 /// Between the eight values at a cell's corners, x slowest; held within the cell.
@@ -450,3 +232,5 @@ fn trilinear(c: &[f32; 8], p: Vec3) -> f32 {
 }
 
 mod shade;
+mod track;
+mod walk;

@@ -1,10 +1,13 @@
 //! Roughly how deep in the shade a point of a grid lies: what decides how carefully its sunlight is looked at.
 
-use super::{BRICK, Grid};
+use super::{BRICK, Grid, trilinear};
 use crate::geom::Ray;
 use glam::{IVec3, Mat3, Vec3};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 
+/// So many voxels are near.
+const NEAR: f32 = 8.0;
 /// Samples between two nodes of the lattice; fine where so many would be more than [`COARSE`] optical depths.
 const SPACINGS: (i32, i32) = (4, 2);
 const COARSE: f32 = 2.0;
@@ -24,6 +27,27 @@ pub(super) struct Shade {
 }
 
 impl Grid {
+    /// The optical depth along `ray`, roughly, and no farther than to `most`: near by in steps of a voxel, then by the means of blocks.
+    fn rough_depth(&self, ray: &Ray, most: f32) -> f32 {
+        let mut depth = 0.0;
+        self.walk::<false>(ray, f32::INFINITY, |segment| {
+            let (length, per_metre) = (segment.to - segment.from, segment.direction.length());
+            if segment.before + segment.from > NEAR / per_metre {
+                depth += self.mean(segment.low) * length * self.sigma_t as f32;
+                return if depth < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+            }
+            let steps = (length * per_metre).ceil();
+            let step = length / steps;
+            for i in 0..steps as u32 {
+                let p = segment.origin + segment.direction * (segment.from + (i as f32 + 0.5) * step);
+                let cell = p.as_ivec3().clamp(segment.low, segment.high - 1);
+                depth += trilinear(&self.corners(cell), p - cell.as_vec3()) * step * self.sigma_t as f32;
+            }
+            if depth < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        });
+        depth
+    }
+
     /// Learns the optical depths in direction `toward` (the sun's middle), roughly.
     pub(in crate::media) fn learn_shade(&mut self, toward: Vec3) {
         let local_from_index: Mat3 = self.index_from_local.inverse();
@@ -74,6 +98,6 @@ impl Grid {
         let node = f.as_ivec3().min(IVec3::splat(n as i32 - 2));
         let at = (node.x as usize * n + node.y as usize) * n + node.z as usize;
         let corners = [0, 1, n, n + 1, n * n, n * n + 1, n * n + n, n * n + n + 1];
-        Some(super::trilinear(&corners.map(|c| f32::from(depths[at + c])), f - node.as_vec3()) * (DARK / PARTS))
+        Some(trilinear(&corners.map(|c| f32::from(depths[at + c])), f - node.as_vec3()) * (DARK / PARTS))
     }
 }

@@ -1,0 +1,93 @@
+//! Collisions by null collisions, and transmittance without error.
+
+use super::walk::Segment;
+use super::{Grid, trilinear};
+use crate::geom::Ray;
+use crate::rng::Rng;
+use glam::IVec3;
+use std::ops::ControlFlow;
+
+/// A transmittance plays roulette each time that it has fallen by so many optical depths, and goes on with this probability.
+const FAINT_DEPTH: f64 = 2.0;
+const SURVIVAL: f64 = 0.25;
+
+impl Grid {
+    /// Flies until a collision, at most to `t_max`, by null collisions: the distance.
+    ///
+    /// A collision is accepted by one of the eight samples around it, drawn with its weight as probability: the expectation
+    /// is the trilinear density, so collisions are distributed as by that, for an eighth of the work.
+    pub(in crate::media) fn fly(&self, ray: &Ray, t_max: f32, rng: &mut Rng, violations: &mut u64) -> Option<f32> {
+        let mut tau = rng.optical_depth();
+        let mut found = None;
+        self.walk::<false>(ray, t_max, |segment| {
+            let sigma = f64::from(segment.majorant) * self.sigma_t;
+            let mut at = f64::from(segment.from);
+            loop {
+                let left = sigma * (f64::from(segment.to) - at);
+                if tau >= left {
+                    tau -= left;
+                    return ControlFlow::Continue(());
+                }
+                at += tau / sigma;
+                let sample = self.one_sample(&segment, at as f32, rng);
+                *violations += u64::from(sample > segment.majorant);
+                if rng.uniform_f32() * segment.majorant < sample {
+                    found = Some(segment.before + at as f32);
+                    return ControlFlow::Break(());
+                }
+                tau = rng.optical_depth();
+            }
+        });
+        found
+    }
+
+    /// An unbiased estimate of the transmittance over the first `t_max` metres: exact until it has fallen by
+    /// [`FAINT_DEPTH`], where what is left begins to play roulette.
+    pub(in crate::media) fn transmittance(&self, ray: &Ray, t_max: f32, rng: &mut Rng) -> f64 {
+        let (mut depth, mut limit, mut weight) = (0.0, FAINT_DEPTH, 1.0);
+        self.walk::<true>(ray, t_max, |segment| {
+            depth += self.depth(&segment) * self.sigma_t;
+            while depth > limit {
+                if rng.uniform() >= SURVIVAL {
+                    weight = 0.0;
+                    return ControlFlow::Break(());
+                }
+                weight /= SURVIVAL;
+                limit += FAINT_DEPTH;
+            }
+            ControlFlow::Continue(())
+        });
+        if weight > 0.0 { weight * (-depth).exp() } else { 0.0 }
+    }
+
+    /// The optical depth over the first `t_max` metres, exact but for rounding: along a line trilinear density is a cubic within
+    /// each cell, which Simpson's rule integrates without error.
+    pub(in crate::media) fn optical_depth(&self, ray: &Ray, t_max: f32) -> f64 {
+        let mut sum = 0.0;
+        self.walk::<true>(ray, t_max, |segment| {
+            sum += self.depth(&segment);
+            ControlFlow::Continue(())
+        });
+        sum * self.sigma_t
+    }
+
+    /// The integral of density along a stretch within one cell, by Simpson's rule.
+    #[inline]
+    fn depth(&self, segment: &Segment) -> f64 {
+        let corners = self.corners(segment.low);
+        let low = segment.low.as_vec3();
+        let density = |t: f32| trilinear(&corners, segment.origin + segment.direction * t - low);
+        let (from, to) = (segment.from, segment.to);
+        f64::from(to - from) * f64::from(density(from) + 4.0 * density(0.5 * (from + to)) + density(to)) * (1.0 / 6.0)
+    }
+
+    /// One of the eight samples around the point at distance `at`, drawn by its weight.
+    #[inline]
+    fn one_sample(&self, segment: &Segment, at: f32, rng: &mut Rng) -> f32 {
+        let p = segment.origin + segment.direction * at;
+        // Rounding may carry a point out of its block: it is held there, where the majorant is known.
+        let base = p.as_ivec3().clamp(segment.low, segment.high - 1);
+        let beyond = rng.uniform_vec3().cmplt(p - base.as_vec3());
+        self.sample(base + IVec3::new(beyond.x.into(), beyond.y.into(), beyond.z.into()))
+    }
+}
