@@ -1,4 +1,4 @@
-//! cloudvdb: photon-cloud regions from a layout, written as OpenVDB grids.
+//! cloudvdb: photon-cloud regions from a layout, written as OpenVDB grids; and pictures of clouds, with their error.
 //!
 //! A layout (spheres, slabs, closed meshes in a glTF file) is lit by a sun; photons are traced through it; where they
 //! scatter more than once and lie close together, new regions are made (the duality); these are written as voxels. The
@@ -6,9 +6,11 @@
 //!
 //! ```text
 //! .gltf .glb ──import──► Scene ──► Plan ──► photons ──► PhotonMap ──► regions ──voxelise──► density ──► .vdb
-//!                          │                                             │
+//! .vdb ──────────┘         │                                             │
 //!                          └──────────── --density source ──────────────►┼──────────────────────────► .glb
 //!                                                                        │
+//!                                                                        ├──integrate──► Film ──► .exr .png
+//!                                                                        │     └──► flux: up, down, absorbed
 //!                                         what was found, done, wrong ───┴──────────────────────────► .json
 //! ```
 //!
@@ -19,10 +21,12 @@
 //! | [`import`] | glTF and VDB files to a [`scene::Scene`], with a line for each node or grid that says what became of it |
 //! | [`scene`] | what is in the scene: regions with their media, surfaces, the sun, a camera |
 //! | [`plan`] | which effects are simulated, which not, and why |
-//! | [`media`] | the regions as rays see them: free flights and optical depths in closed form |
+//! | [`media`] | the regions as rays see them: free flights and optical depths, in closed form and through voxels |
 //! | [`photon`] | pass 1: photons leave the sun, scatter, and are stored |
 //! | [`regions`] | the duality: new regions out of stored photons |
-//! | [`export`] | voxels, OpenVDB grids, regions as glTF, the report |
+//! | [`integrate`] | what a camera sees of a scene, by unbiased path tracing; where the energy goes |
+//! | [`film`] | what each pixel receives, by the way it came, with its standard error |
+//! | [`export`] | voxels, OpenVDB grids, regions as glTF, pictures, the report |
 //! | [`vdb`] | OpenVDB behind a safe interface; the only unsafe code is its bridge |
 //! | [`cli`] | arguments, progress, signals, exit codes |
 //!
@@ -46,7 +50,8 @@
 //! | 26 | diffuse reflection off a surface | [`sampling::cosine_hemisphere`] |
 //! | 27 | new regions up to the old one's volume | [`regions::synthesise`] |
 //!
-//! Equations 20 to 24 and 28 to 31 belong to pass 2, the rendering, which is not there yet. Of the phase functions only
+//! Equations 20 to 24 and 28 to 31 belong to the thesis's pass 2, which is not there yet; pictures are made by the reference
+//! integrator, which follows light itself and not the thesis. Of the phase functions only
 //! eq. 7 is used: eqs 5 and 6 are not normalised in the thesis, and eq. 5 is eq. 7 at g = 0.
 //!
 //! # Conventions

@@ -132,11 +132,11 @@ fn paths_through_a_white_sphere_are_four_thirds_of_its_radius_long() {
 #[ignore = "takes minutes: make crosscheck"]
 fn paths_through_a_white_sphere_to_a_thousandth() {
     let photons = |tau: f64, g: f64| match (tau > 50.0, g < 0.5) {
-        (true, true) => 30_000_000,
-        (true, false) => 8_000_000,
+        (true, true) => 12_000_000,
+        (true, false) => 6_000_000,
         _ => 4_000_000,
     };
-    spheres(photons, |tau| if tau > 50.0 { 0.0015 } else { 0.001 });
+    spheres(photons, |tau| if tau > 50.0 { 0.0025 } else { 0.0015 });
 }
 
 /// A camera that sees the given directions, far off.
