@@ -66,6 +66,12 @@ class Picture:
         heavy = (residual ** 4).mean() / (residual ** 2).mean() ** 2 - 3.0 if seen.any() else 0.0
         return cls(mean, variance, max(0.0, float(heavy)) / k)
 
+    def no_better_than(self, other, samples):
+        """This picture with at least the variance of `other`, a renderer that needs no more samples for it and took
+        `samples` times as many. Seeds that all missed the rare bright paths of a pixel are too low and too sure at once."""
+        floor = pooled(np.nan_to_num(other.variance), np.abs(other.mean)) * samples
+        return dataclasses.replace(self, variance=np.maximum(self.variance, floor))
+
     @classmethod
     def from_error(cls, mean, error, kurtosis=0.0):
         """Of a renderer that gives a standard error a pixel. Colours of one path are taken as wholly correlated, which
