@@ -213,7 +213,8 @@ def compare(ours, theirs, name="pictures", tolerance=0.0, folder=None, alpha=ALP
         variance = blocks(both[0] + both[1], size) / size ** 2 + (tolerance * level) ** 2
         # Where both know their value (black sky, white sky) there is no noise to judge by: then they must be equal.
         known = variance <= (1e-6 * np.abs(mean).max()) ** 2
-        off = np.abs(gap[known]) > 1e-4 * np.abs(level[known]) + 1e-6 * np.abs(mean).max()
+        slack = 1e-4 * np.abs(level[known]) + 1e-6 * np.abs(mean).max() + 5.0 * np.sqrt(variance[known])
+        off = np.abs(gap[known]) > slack
         if off.any():
             complaints.append(f"blocks of {size}: {off.sum()} of {known.sum()} without noise differ")
         z = np.where(known, 0.0, gap / np.sqrt(np.where(known, 1.0, variance)))
