@@ -159,8 +159,8 @@ impl<'a> Builder<'a> {
         let summary = self.summary(mesh, at)?;
         let material = self.material_medium(summary.material, at)?;
         let medium = !spec.medium.is_empty() || !material.is_empty();
-        if spec.radius.is_some() || spec.half_height.is_some() {
-            self.notes.push(format!("{at}: extras.cloudvdb has a radius or half_height but no shape, so they were not used."));
+        if spec.radius.is_some() || spec.half_height.is_some() || spec.file.is_some() {
+            self.notes.push(format!("{at}: extras.cloudvdb has a radius, half_height or file but no shape, so they were not used."));
         }
         match summary.form {
             Form::Nothing(skipped) => {

@@ -4,7 +4,7 @@
 //! container ──► json ──► walk ──► gltf ──► Scene + findings
 //!                          buffers, accessor ──► mesh ──► fit │
 //!                          extras, medium, metaballs, lights ─┤
-//! vdb ─────────────────────────────────────► volume ─┘
+//!                          vdb ──► volume ────────────────────┘
 //! vdb ──────────────────────────────────► Scene + findings
 //! ```
 //!
