@@ -22,7 +22,7 @@ mod grids;
 mod picture;
 
 pub use balance::{Balance, BalanceJob, balance};
-pub use format::{Format, check_density, usual_density};
+pub use format::{Format, check_scene, usual_density};
 pub use picture::Picture;
 
 /// One run: what to read, what to do, what to write.
@@ -59,6 +59,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     let targets = Targets::of(job)?;
     progress.begin("import", 1);
     let layout = import::load(&job.input, &job.import)?;
+    targets.check(job, &layout)?;
     let plan = Plan::for_scene(&layout.scene, job.density);
     clock.end("import");
     let mut report = opening(job, &layout, &plan);

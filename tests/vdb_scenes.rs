@@ -1,4 +1,4 @@
-//! Bare VDB files as scenes: which grids become regions, with which media, sun and bounds; and what is refused.
+//! VDB files as scenes, bare and named by nodes of glTF: which grids become regions, where, with which media; what is refused.
 #![allow(clippy::unwrap_used)]
 
 use cloudvdb::import::{Became, ImportOptions, Layout, load};
@@ -6,7 +6,8 @@ use cloudvdb::scene::{BrickGrid, Overrides, Shape, Sun, VoxelGrid};
 use cloudvdb::vdb::{GridOut, Meta, write};
 use cloudvdb::{Error, Result};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use std::path::Path;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
 
 /// Two bricks side by side, samples of `value` at every other place, voxels of half a metre.
 fn bricks(value: f32) -> BrickGrid {
@@ -184,6 +185,126 @@ fn active_zeros_are_part_of_a_tile() {
     let named = |name: &str| ImportOptions { grid: Some(name.into()), ..ImportOptions::default() };
     refused(load(&path, &named("ball")), &["\"ball\"", "level set", "fog volume"]);
     refused(load(&path, &named("nan")), &["\"nan\"", "27 samples", "not finite"]);
+    for (name, words) in [("ball", ["level set", "fog volume"]), ("nan", ["27 samples", "not finite"])] {
+        let (_folder, layout) = beside(&json!({"shape": "vdb", "file": &path, "grid": name}), &json!({}), &[], &[]);
+        refused(load(&layout, &ImportOptions::default()), &[["layout.gltf", "node \"Smoke\""], words].concat());
+    }
+}
+
+/// A glTF with one node that names `cloud.vdb`, which holds these grids; and the folder in which both are.
+fn beside(extras: &Value, node: &Value, grids: &[GridOut], metadata: &[(String, Meta)]) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    write(&folder.path().join("cloud.vdb"), grids, metadata).unwrap();
+    let path = folder.path().join("layout.gltf");
+    let mut named = json!({"name": "Smoke", "extras": {"cloudvdb": extras}});
+    named.as_object_mut().unwrap().extend(node.as_object().unwrap().clone());
+    let gltf = json!({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [named]});
+    std::fs::write(&path, gltf.to_string()).unwrap();
+    (folder, path)
+}
+
+fn read_beside(extras: &Value, node: &Value, grids: &[GridOut], metadata: &[(String, Meta)]) -> Result<Layout> {
+    let (_folder, path) = beside(extras, node, grids, metadata);
+    load(&path, &ImportOptions::default())
+}
+
+#[test]
+fn a_node_places_the_vdb_that_it_names() {
+    let density = bricks(2.0);
+    let vdb = json!({"shape": "vdb", "file": "cloud.vdb"});
+    let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 0.4, 0.5);
+    let node = json!({"translation": [1.0, 2.0, 3.0], "rotation": turn.to_array(), "scale": [1.0, -2.0, 3.0]});
+    let layout = read_beside(&vdb, &node, &[out("density", &density, &[])], &[]).unwrap();
+    assert_eq!((layout.scene.regions.len(), layout.scene.regions[0].name.as_str()), (1, "Smoke"));
+    let found = &grid(&layout, 0).bricks;
+    assert_eq!((&found.origins, &found.values), (&density.origins, &density.values));
+    for index in [DVec3::ZERO, DVec3::X, DVec3::new(3.0, -4.0, 5.0)] {
+        // By hand: half a metre a voxel, Z up to Y up, the node, Y up to Z up.
+        let p = 0.5 * index;
+        let node = turn * (DVec3::new(1.0, -2.0, 3.0) * DVec3::new(p.x, p.z, -p.y)) + DVec3::new(1.0, 2.0, 3.0);
+        let expected = DVec3::new(node.x, -node.z, node.y);
+        assert!(found.world_from_index.transform_point3(index).abs_diff_eq(expected, 1e-12));
+    }
+    // Nobody says a medium: optical depth 40 along the thickest column.
+    let region = &layout.scene.regions[0];
+    assert!((region.medium.sigma_t() * region.shape.thickness() - 40.0).abs() < 1e-9);
+    assert!((region.medium.albedo() - 0.9999).abs() < 1e-12 && region.medium.g == 0.86);
+    assert_eq!(layout.findings[0].became, Became::Region);
+    assert!(layout.findings[0].why.contains("its extras name the VDB \"cloud.vdb\""), "{:?}", layout.findings);
+    // As it is, where the node is not moved.
+    let still = read_beside(&vdb, &json!({}), &[out("density", &density, &[])], &[]).unwrap();
+    assert_eq!(grid(&still, 0).bricks, density);
+}
+
+#[test]
+fn a_node_knows_more_of_the_medium_than_its_vdb() {
+    let (a, b) = (bricks(1.0), bricks(3.0));
+    let (scale, file) = ([float("density_scale", 25.0)], [float("albedo", 0.5), float("g", -0.25)]);
+    let medium = |more: Value| {
+        let mut extras = json!({"shape": "vdb", "file": "cloud.vdb"});
+        extras.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        let layout = read_beside(&extras, &json!({}), &[out("density", &a, &scale), out("smoke", &b, &[])], &file).unwrap();
+        let m = layout.scene.regions[0].medium;
+        (m.sigma_t(), m.albedo(), m.g, grid(&layout, 0).bricks == b)
+    };
+    assert_eq!(medium(json!({})), (25.0, 0.5, -0.25, false));
+    assert_eq!(medium(json!({"sigma_t": 8})), (8.0, 0.5, -0.25, false));
+    assert_eq!(medium(json!({"albedo": 0.25, "g": 0.5})), (25.0, 0.25, 0.5, false));
+    assert_eq!(medium(json!({"sigma_s": 3, "sigma_a": 1, "grid": "smoke"})), (4.0, 0.75, -0.25, true));
+    // Grids that share the name are regions all.
+    let both = read_beside(
+        &json!({"shape": "vdb", "file": "cloud.vdb"}),
+        &json!({}),
+        &[out("density", &a, &scale), out("density", &b, &scale)],
+        &[],
+    );
+    let names: Vec<_> = both.unwrap().scene.regions.into_iter().map(|r| r.name).collect();
+    assert_eq!(names, ["Smoke[0]", "Smoke[1]"]);
+}
+
+#[test]
+fn the_hash_covers_the_vdb_that_is_named() {
+    let vdb = json!({"shape": "vdb", "file": "cloud.vdb"});
+    let hash = |value: f32| {
+        let layout = read_beside(&vdb, &json!({}), &[out("density", &bricks(value), &[])], &[]).unwrap();
+        assert_eq!((layout.source_hash.len(), layout.volumes.len()), (64, 1));
+        layout.source_hash
+    };
+    assert_eq!(hash(1.0), hash(1.0));
+    assert_ne!(hash(1.0), hash(2.0));
+}
+
+#[test]
+fn vdbs_that_cannot_be_named_are_refused() {
+    let (density, empty) = (bricks(1.0), bricks(0.0));
+    let refuse = |extras: Value, words: &[&str]| {
+        let grids = [out("density", &density, &[]), out("nothing", &empty, &[])];
+        refused(read_beside(&extras, &json!({}), &grids, &[]), &[&["layout.gltf", "node \"Smoke\"", "expected"], words].concat());
+    };
+    let named = |file: &str| json!({"shape": "vdb", "file": file});
+    refuse(json!("vdb"), &["extras.cloudvdb.file", "missing", "\"smoke.vdb\""]);
+    refuse(named("gone.vdb"), &["\"gone.vdb\"", "cannot be read", "No such file"]);
+    refuse(named("."), &["no file"]);
+    refuse(named("layout.gltf"), &["OpenVDB says"]);
+    for url in ["https://clouds.org/a.vdb", "file:///tmp/a.vdb", "data:,x"] {
+        refuse(named(url), &["a URL", "by its path"]);
+    }
+    refuse(named("//cloud.vdb"), &[".blend"]);
+    refuse(json!({"shape": "vdb", "file": "cloud.vdb", "grid": "smoke"}), &["extras.cloudvdb.grid", "\"smoke\"", "\"density\" (float)"]);
+    refuse(json!({"shape": "vdb", "file": "cloud.vdb", "grid": "nothing"}), &["empty"]);
+    refuse(json!({"shape": "vdb", "file": 7}), &["extras.cloudvdb.file", "a string"]);
+    let flat = json!({"scale": [1, 0, 1]});
+    refused(read_beside(&named("cloud.vdb"), &flat, &[out("density", &density, &[])], &[]), &["Smoke", "scale", "zero"]);
+    // A path from the root is as good as another.
+    let (folder, _) = beside(&named("cloud.vdb"), &json!({}), &[out("density", &density, &[])], &[]);
+    let whole = folder.path().join("cloud.vdb");
+    assert!(read_beside(&named(whole.to_str().unwrap()), &json!({}), &[], &[]).is_ok());
+    // A file without a shape is no region, and a note says what is missing.
+    refuse_quietly(&json!({"file": "cloud.vdb"}), &density);
+}
+
+fn refuse_quietly(extras: &Value, density: &BrickGrid) {
+    refused(read_beside(extras, &json!({}), &[out("density", density, &[])], &[]), &["no region", "{\"shape\": \"vdb\""]);
 }
 
 /// The job of a VDB: its grid comes out again, and what is not there yet is refused.
@@ -222,4 +343,18 @@ fn a_vdb_goes_through_the_pipeline() {
     assert!(run(&dry, &Silent).unwrap().render.is_none());
     dry.picture.view.position = Some(DVec3::new(-0.25, 1.75, 1.5));
     assert!(sentence(&dry).contains("in.vdb: the camera"), "{}", sentence(&dry));
+
+    // The same grid, named by a node: what it cannot do yet goes by what the scene holds.
+    let layout = folder.path().join("layout.gltf");
+    let node = json!({"name": "Smoke", "extras": {"cloudvdb": {"shape": "vdb", "file": "in.vdb"}}});
+    let gltf = json!({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [node]});
+    std::fs::write(&layout, gltf.to_string()).unwrap();
+    let named = |name: &str, density| Job { input: layout.clone(), ..job(name, density) };
+    let refused = sentence(&named("out.exr", Density::Duality));
+    assert!(["layout.gltf", "\"Smoke\"", "--density source"].iter().all(|word| refused.contains(word)), "{refused}");
+    assert!(sentence(&named("out.glb", Density::Source)).contains("glTF can hold no voxel grid"));
+    let over = sentence(&Job { overwrite: true, ..named("in.vdb", Density::Source) });
+    assert!(over.contains("a VDB that the layout names"), "{over}");
+    let report = run(&named("named.vdb", Density::Source), &Silent).unwrap();
+    assert!((report.optical_mass.source - 25.0 * 64.0).abs() < 1e-9);
 }

@@ -75,8 +75,8 @@ fn watched(style: ProgressStyle, quiet: bool, threads: Option<usize>) -> Result<
 }
 
 fn show_plan(arguments: &PlanArguments) -> Result<(), Error> {
-    pipeline::check_density(&arguments.input, arguments.density.into())?;
     let layout = import::load(&arguments.input, &arguments.scene.import())?;
+    pipeline::check_scene(&arguments.input, &layout.scene, arguments.density.into())?;
     let plan = Plan::for_scene(&layout.scene, arguments.density.into());
     let text = if arguments.json {
         serde_json::to_string_pretty(&plan).unwrap_or_default()

@@ -124,7 +124,7 @@ impl<'a> Buffers<'a> {
 }
 
 /// What stands before the first colon, if it can be a URI's scheme (or a drive's letter).
-fn scheme(uri: &str) -> Option<&str> {
+pub(super) fn scheme(uri: &str) -> Option<&str> {
     let (scheme, _) = uri.split_once(':')?;
     let sound = scheme.starts_with(|c: char| c.is_ascii_alphabetic())
         && scheme.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'+' | b'-' | b'.'));

@@ -8,6 +8,7 @@ use super::{
     json,
     medium::{self, Filling, MediumSpec},
     mesh::{self, RawMesh, Summary},
+    vdb,
     walk::{Visit, node_at},
 };
 use crate::{
@@ -16,7 +17,11 @@ use crate::{
 };
 use glam::DAffine3;
 use rayon::prelude::*;
-use std::{collections::BTreeMap, path::Path};
+use sha2::{Digest, Sha256};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 /// The albedo of a surface whose material gives none.
 const GREY: f64 = 0.8;
@@ -35,6 +40,8 @@ pub(super) struct Builder<'a> {
     pub notes: Vec<String>,
     /// Names of empty nodes that were metaballs in Blender.
     pub lost_metaballs: Vec<String>,
+    /// The VDBs that nodes name, each once, with the SHA-256 of their bytes.
+    pub volumes: Vec<(PathBuf, String)>,
     fillings: Vec<Filling>,
     summaries: Vec<Option<Result<Summary>>>,
     last_mesh: Option<(usize, RawMesh)>,
@@ -56,6 +63,7 @@ impl<'a> Builder<'a> {
             findings: Vec::new(),
             notes: Vec::new(),
             lost_metaballs: Vec::new(),
+            volumes: Vec::new(),
             fillings: Vec::new(),
             summaries: Vec::new(),
             last_mesh: None,
@@ -110,8 +118,8 @@ impl<'a> Builder<'a> {
         }
         let at = self.material_at(index, material);
         let spec = extras::spec(material.extras.as_ref(), at, &mut self.notes)?.unwrap_or_default();
-        if spec.shape.is_some() || spec.radius.is_some() || spec.half_height.is_some() {
-            self.notes.push(format!("{at}: shape, radius and half_height mean nothing on a material; they belong on the node."));
+        if spec.shape.is_some() || spec.radius.is_some() || spec.half_height.is_some() || spec.file.is_some() {
+            self.notes.push(format!("{at}: shape, file, radius and half_height mean nothing on a material; they belong on the node."));
         }
         if let Some(slot) = self.materials.get_mut(index) {
             *slot = Some(spec.medium);
@@ -129,9 +137,9 @@ impl<'a> Builder<'a> {
         At { file: self.file, kind: "material", index, name: material.name.as_deref() }
     }
 
-    /// Adds a region; its medium is settled when all are known.
-    pub fn region(&mut self, name: String, shape: Shape, node: &MediumSpec, material: &MediumSpec) {
-        self.fillings.push(Filling::new(&[self.scene_spec.medium, *material, *node]));
+    /// Adds a region; its medium is settled when all are known. `inner` is what its material says, or its VDB.
+    pub fn region(&mut self, name: String, shape: Shape, node: &MediumSpec, inner: &MediumSpec) {
+        self.fillings.push(Filling::new(&[self.scene_spec.medium, *inner, *node]));
         self.scene.regions.push(Region { name, shape, medium: Medium::grey(0.0, 0.0, 0.0), photons: None });
     }
 
@@ -202,7 +210,12 @@ impl<'a> Builder<'a> {
                  Convert it first (Object > Convert > Mesh)."
             ));
         }
-        Ok(Layout { scene: self.scene, findings: self.findings, notes: self.notes, source_hash })
+        let source_hash = match self.volumes.is_empty() {
+            true => source_hash,
+            false => vdb::hex(self.volumes.iter().fold(Sha256::new_with_prefix(source_hash), |all, (_, hash)| all.chain_update(hash))),
+        };
+        let volumes = self.volumes.into_iter().map(|(path, _)| path).collect();
+        Ok(Layout { scene: self.scene, findings: self.findings, notes: self.notes, source_hash, volumes })
     }
 
     fn nothing_found(&self) -> Error {
@@ -229,7 +242,8 @@ impl<'a> Builder<'a> {
         }
         let fix = "A region can be: a sphere-like mesh (UV sphere, icosphere, scaled or not); a node with the custom property \
                    `cloudvdb`, such as {\"shape\": \"sphere\", \"radius\": 1}; a metaball \
-                   converted to a mesh (Object > Convert > Mesh); a closed mesh with --mesh-volumes";
+                   converted to a mesh (Object > Convert > Mesh); a closed mesh with --mesh-volumes; a node that names a VDB, \
+                   {\"shape\": \"vdb\", \"file\": \"smoke.vdb\"}";
         file_error(self.file, reason, fix)
     }
 }

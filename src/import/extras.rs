@@ -14,27 +14,33 @@ pub(super) enum ShapeKind {
     Mesh,
     Ignore,
     Surface,
+    Vdb,
 }
 
 impl ShapeKind {
-    pub const NAMES: [(&str, ShapeKind); 6] = [
+    pub const NAMES: [(&str, ShapeKind); 7] = [
         ("sphere", ShapeKind::Sphere),
         ("metaball", ShapeKind::Metaball),
         ("slab", ShapeKind::Slab),
         ("mesh", ShapeKind::Mesh),
         ("ignore", ShapeKind::Ignore),
         ("surface", ShapeKind::Surface),
+        ("vdb", ShapeKind::Vdb),
     ];
 }
 
 /// `extras.cloudvdb` of a node or a material.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Spec {
     pub shape: Option<ShapeKind>,
     pub radius: Option<f64>,
     pub half_height: Option<f64>,
     pub threshold: Option<f64>,
     pub stiffness: Option<f64>,
+    /// The VDB that it names, as it is spelt.
+    pub file: Option<String>,
+    /// The name of that VDB's grid.
+    pub grid: Option<String>,
     pub medium: MediumSpec,
 }
 
@@ -47,7 +53,7 @@ pub(super) struct SceneSpec {
     pub sky: Option<[f64; 3]>,
 }
 
-const SHAPE_KEYS: [&str; 5] = ["shape", "radius", "half_height", "threshold", "stiffness"];
+const SHAPE_KEYS: [&str; 7] = ["shape", "radius", "half_height", "threshold", "stiffness", "file", "grid"];
 const MEDIUM_KEYS: [&str; 6] = ["preset", "sigma_s", "sigma_a", "sigma_t", "albedo", "g"];
 /// Keys that `-o regions.glb` writes for people, and that say nothing about the scene.
 const WRITTEN_KEYS: [&str; 1] = ["photons"];
@@ -74,6 +80,8 @@ pub(super) fn spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>) -> R
         half_height: fields.positive("half_height")?,
         threshold,
         stiffness: fields.positive("stiffness")?,
+        file: fields.text("file")?.map(str::to_owned),
+        grid: fields.text("grid")?.map(str::to_owned),
         medium: MediumSpec::read(&fields)?,
     }))
 }

@@ -49,19 +49,20 @@ pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions) 
 }
 
 /// One thing to place: a node, or one of its instances.
-struct Thing<'a> {
-    at: At<'a>,
-    world: DAffine3,
+pub(super) struct Thing<'a> {
+    pub at: At<'a>,
+    /// From its own space, Y up, to the world.
+    pub world: DAffine3,
     picked: bool,
-    mesh: Option<usize>,
-    spec: Spec,
+    pub mesh: Option<usize>,
+    pub spec: &'a Spec,
 }
 
 impl<'a> Builder<'a> {
     fn node(&mut self, visit: &Visit, node: &'a json::Node) -> Result<()> {
         let at = node_at(self.file, visit.node, node);
         let spec = extras::spec(node.extras.as_ref(), at, &mut self.notes)?;
-        if spec.is_some_and(|spec| spec.shape == Some(ShapeKind::Ignore)) {
+        if spec.as_ref().is_some_and(|spec| spec.shape == Some(ShapeKind::Ignore)) {
             self.found(at.name(), Became::Ignored, "its extras say \"ignore\"");
             return Ok(());
         }
@@ -73,10 +74,11 @@ impl<'a> Builder<'a> {
             self.camera(visit, camera, at)?;
         }
         if let Some(value) = extensions.and_then(|e| e.metaballs.as_ref()) {
-            return self.metaballs(visit, value, spec.unwrap_or_default(), at);
+            return self.metaballs(visit, value, &spec.unwrap_or_default(), at);
         }
         let said = spec.is_some();
-        let mut thing = Thing { at, world: visit.world, picked: visit.picked, mesh: node.mesh, spec: spec.unwrap_or_default() };
+        let spec = spec.unwrap_or_default();
+        let mut thing = Thing { at, world: visit.world, picked: visit.picked, mesh: node.mesh, spec: &spec };
         match extensions.and_then(|e| e.instancing.as_ref()).filter(|_| node.mesh.is_some()) {
             Some(instancing) => {
                 for (i, transform) in instances::transforms(&self.buffers, instancing, at)?.into_iter().enumerate() {
@@ -89,7 +91,7 @@ impl<'a> Builder<'a> {
             None if node.mesh.is_some() || thing.spec.shape.is_some() => self.place(&thing),
             None => {
                 let bare = node.camera.is_none() && extensions.is_none_or(|e| e.light.is_none());
-                self.empty(node, bare, said, at);
+                self.empty(node, bare, said.then_some(&spec), at);
                 Ok(())
             }
         }
@@ -98,6 +100,9 @@ impl<'a> Builder<'a> {
     fn place(&mut self, thing: &Thing) -> Result<()> {
         let Thing { at, world, spec, .. } = thing;
         let Some(shape) = spec.shape else { return self.plain(thing) };
+        if shape == ShapeKind::Vdb {
+            return self.volume(thing);
+        }
         let summary = thing.mesh.map(|mesh| self.summary(mesh, *at)).transpose()?;
         if shape == ShapeKind::Surface {
             return match summary.map(|s| s.form) {
@@ -154,8 +159,8 @@ impl<'a> Builder<'a> {
         let summary = self.summary(mesh, at)?;
         let material = self.material_medium(summary.material, at)?;
         let medium = !spec.medium.is_empty() || !material.is_empty();
-        if spec.radius.is_some() || spec.half_height.is_some() {
-            self.notes.push(format!("{at}: extras.cloudvdb has a radius or half_height but no shape, so they were not used."));
+        if spec.radius.is_some() || spec.half_height.is_some() || spec.file.is_some() {
+            self.notes.push(format!("{at}: extras.cloudvdb has a radius, half_height or file but no shape, so they were not used."));
         }
         match summary.form {
             Form::Nothing(skipped) => {
@@ -227,7 +232,7 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    fn metaballs(&mut self, visit: &Visit, value: &serde_json::Value, spec: Spec, at: At) -> Result<()> {
+    fn metaballs(&mut self, visit: &Visit, value: &serde_json::Value, spec: &Spec, at: At) -> Result<()> {
         let family = metaballs::read(value, at)?;
         self.notes.extend(family.remarks.iter().map(|remark| format!("{at}: {remark}.")));
         if family.balls.is_empty() {
@@ -247,11 +252,11 @@ impl<'a> Builder<'a> {
     }
 
     /// A node without a mesh and without a shape.
-    fn empty(&mut self, node: &json::Node, bare: bool, said: bool, at: At) {
-        if said {
+    fn empty(&mut self, node: &json::Node, bare: bool, said: Option<&Spec>, at: At) {
+        if let Some(spec) = said {
+            let shape = if spec.file.is_some() { "vdb" } else { "sphere" };
             self.found(at.name(), Became::Ignored, "its extras.cloudvdb names no shape, and it has no mesh");
-            self.notes
-                .push(format!("{at} has extras.cloudvdb but neither a shape nor a mesh, and was ignored: add \"shape\": \"sphere\"."));
+            self.notes.push(format!("{at} has extras.cloudvdb but neither a shape nor a mesh, and was ignored: add \"shape\": {shape:?}."));
         } else if bare && node.children.is_empty() {
             let metaball = is_metaball_name(&at.name());
             self.found(at.name(), Became::Ignored, if metaball { "an empty that was a metaball in Blender" } else { "empty" });

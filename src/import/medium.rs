@@ -33,6 +33,11 @@ pub(super) const G: f64 = 0.86;
 pub(super) const DEPTH: f64 = 40.0;
 
 impl MediumSpec {
+    /// What a VDB's metadata says: the extinction of a sample of 1, the albedo, the mean cosine.
+    pub fn known(sigma_t: Option<f64>, albedo: Option<f64>, g: Option<f64>) -> MediumSpec {
+        MediumSpec { sigma_t: sigma_t.map(|t| [t; 3]), albedo: albedo.map(|a| [a; 3]), g, ..MediumSpec::default() }
+    }
+
     pub fn is_empty(&self) -> bool {
         *self == MediumSpec::default()
     }

@@ -3,7 +3,8 @@
 //! ```text
 //! container ──► json ──► walk ──► gltf ──► Scene + findings
 //!                          buffers, accessor ──► mesh ──► fit │
-//!                          extras, medium, metaballs, lights ─┘
+//!                          extras, medium, metaballs, lights ─┤
+//!                          vdb ──► volume ────────────────────┘
 //! vdb ──────────────────────────────────► Scene + findings
 //! ```
 //!
@@ -27,6 +28,7 @@ mod mesh;
 mod metaballs;
 mod region;
 mod vdb;
+mod volume;
 mod walk;
 mod weld;
 
@@ -34,7 +36,7 @@ use crate::{
     Error, Result,
     scene::{Overrides, Scene},
 };
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What the user may ask of an import.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -86,8 +88,11 @@ pub struct Layout {
     pub findings: Vec<Finding>,
     /// Warnings and assumptions, each a sentence.
     pub notes: Vec<String>,
-    /// The SHA-256 of the file's bytes in hexadecimal digits (of the `.gltf` itself where it has buffers of their own).
+    /// The SHA-256 of the file's bytes in hexadecimal digits (of the `.gltf` itself where it has buffers of their own). Where
+    /// its nodes name VDBs, that of these digits and those of each VDB, in the order of [`Layout::volumes`].
     pub source_hash: String,
+    /// The VDBs that its nodes name, each once.
+    pub volumes: Vec<PathBuf>,
 }
 
 /// Whether a file is an OpenVDB file, by its extension.
@@ -107,7 +112,10 @@ pub fn load(path: &Path, options: &ImportOptions) -> Result<Layout> {
         vdb::layout(path, options)?
     } else {
         if let Some(name) = &options.grid {
-            let reason = format!("--grid {name} names a grid of a .vdb, and {} is none", path.display());
+            let reason = format!(
+                "--grid {name} names a grid of a .vdb, and {} is none; its nodes name their grids themselves (extras.cloudvdb.grid)",
+                path.display()
+            );
             return Err(Error::Usage(reason));
         }
         gltf::layout(path, &container::read(path)?, options)?

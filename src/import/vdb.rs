@@ -16,7 +16,7 @@ use sha2::{Digest, Sha256};
 use std::{fmt::Write, io::Read, path::Path, sync::Arc};
 
 /// The name of the grids that are regions, where nobody says another.
-const DENSITY: &str = "density";
+pub(super) const DENSITY: &str = "density";
 /// The most voxels along a side of the box of active ones: indices are 32-bit, and differences of them must be too.
 const LONGEST: i64 = 1 << 30;
 
@@ -50,7 +50,7 @@ pub(super) fn layout(path: &Path, options: &ImportOptions) -> Result<Layout> {
             continue;
         };
         let number = scene.regions.len();
-        let scale = metadata(&info.metadata, "density_scale").filter(|&s| s > 0.0);
+        let scale = scale(info);
         if scale.is_none() {
             open.push(number);
         }
@@ -65,7 +65,7 @@ pub(super) fn layout(path: &Path, options: &ImportOptions) -> Result<Layout> {
     }
     fill(&mut scene.regions, &open, &facts, options, &mut notes);
     scene.sun = sun(&facts, options, &mut findings, &mut notes);
-    Ok(Layout { scene, findings, notes, source_hash: hash(path)? })
+    Ok(Layout { scene, findings, notes, source_hash: hash(path)?, volumes: Vec::new() })
 }
 
 /// The error of a file in which no grid of this name holds anything.
@@ -79,7 +79,7 @@ fn nothing(path: &Path, file: &VdbFile, name: &str) -> Error {
 }
 
 /// A grid whose samples can be densities; `None` where all of them are 0.
-fn voxels(path: &Path, file: &VdbFile, index: usize, info: &GridInfo, notes: &mut Vec<String>) -> Result<Option<VoxelGrid>> {
+pub(super) fn voxels(path: &Path, file: &VdbFile, index: usize, info: &GridInfo, notes: &mut Vec<String>) -> Result<Option<VoxelGrid>> {
     let name = &info.name;
     if info.class == "level set" {
         let reason = format!("the grid {name:?} is a level set: its samples are distances to a surface, and no densities");
@@ -171,18 +171,18 @@ fn sun(facts: &Facts, options: &ImportOptions, findings: &mut Vec<Finding>, note
 
 /// What cloudvdb wrote about a scene into a file's metadata, where it makes sense.
 #[derive(Debug, Default)]
-struct Facts {
-    albedo: Option<f64>,
-    g: Option<f64>,
+pub(super) struct Facts {
+    pub albedo: Option<f64>,
+    pub g: Option<f64>,
     direction: Option<DVec3>,
     irradiance: Option<[f64; 3]>,
     angle: Option<f64>,
     /// What makes none.
-    remarks: Vec<String>,
+    pub remarks: Vec<String>,
 }
 
 impl Facts {
-    fn of(all: &[(String, Meta)]) -> Facts {
+    pub fn of(all: &[(String, Meta)]) -> Facts {
         let mut facts = Facts::default();
         let mut remarks = Vec::new();
         let mut kept = |key: &str, fine: bool| {
@@ -203,6 +203,11 @@ impl Facts {
     }
 }
 
+/// The extinction of a sample of 1, where cloudvdb wrote it.
+pub(super) fn scale(info: &GridInfo) -> Option<f64> {
+    metadata(&info.metadata, "density_scale").filter(|&s| s > 0.0)
+}
+
 /// A number of the metadata.
 fn metadata(all: &[(String, Meta)], key: &str) -> Option<f64> {
     match all.iter().find(|(k, _)| k == key).map(|(_, value)| value)? {
@@ -220,7 +225,7 @@ fn triple(all: &[(String, Meta)], key: &str) -> Option<Option<[f64; 3]>> {
 }
 
 /// The SHA-256 of a file's bytes, read in pieces: it may be large.
-fn hash(path: &Path) -> Result<String> {
+pub(super) fn hash(path: &Path) -> Result<String> {
     let unreadable = |e: std::io::Error| file_error(path, e.to_string(), "Name a VDB file that can be read");
     let mut file = std::fs::File::open(path).map_err(unreadable)?;
     let (mut hash, mut block) = (Sha256::new(), vec![0u8; 1 << 16]);
@@ -230,10 +235,15 @@ fn hash(path: &Path) -> Result<String> {
             read => hash.update(block.get(..read).unwrap_or_default()),
         }
     }
+    Ok(hex(hash))
+}
+
+/// A hash in hexadecimal digits.
+pub(super) fn hex(hash: Sha256) -> String {
     let mut digits = String::with_capacity(64);
     for byte in hash.finalize() {
         // Writing to a string does not fail.
         let _ = write!(digits, "{byte:02x}");
     }
-    Ok(digits)
+    digits
 }

@@ -16,7 +16,7 @@ pub(super) struct Visit {
 }
 
 /// (x, y, z) of glTF, Y up, is (x, -z, y) of ours, Z up: a quarter turn about x.
-const Z_UP: DAffine3 =
+pub(super) const Z_UP: DAffine3 =
     DAffine3 { matrix3: DMat3::from_cols_array(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0]), translation: DVec3::ZERO };
 
 /// The scene that is shown and its number, where the file has scenes.

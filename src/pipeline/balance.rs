@@ -1,6 +1,6 @@
 //! `cloudvdb flux`: a scene in; where its light goes out.
 
-use super::format::check_density;
+use super::format::check_scene;
 use crate::error::Result;
 use crate::import::{self, ImportOptions};
 use crate::integrate::flux::{self, Flux};
@@ -52,9 +52,9 @@ const STORED: u64 = 1_000_000;
 /// Everything in [`crate::Error`] but what is about writing.
 pub fn balance(job: &BalanceJob, progress: &dyn Progress) -> Result<Balance> {
     let begun = Instant::now();
-    check_density(&job.input, job.density)?;
     progress.begin("import", 1);
     let mut scene = import::load(&job.input, &job.import)?;
+    check_scene(&job.input, &scene.scene, job.density)?;
     let named = |e: crate::Error| e.of_file(&job.input);
     if job.density == Density::Duality {
         let plan = Plan::for_scene(&scene.scene, job.density);

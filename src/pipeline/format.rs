@@ -3,8 +3,9 @@
 use super::Job;
 use crate::error::{Error, Result};
 use crate::export::staged::Staged;
-use crate::import;
+use crate::import::{self, Layout};
 use crate::plan::Density;
+use crate::scene::Scene;
 use std::path::{Path, PathBuf};
 
 /// What a file is, by its extension.
@@ -52,18 +53,41 @@ impl<'a> Targets<'a> {
     /// [`Error::Usage`] where a target is the input, or what it asks for is not there; [`Error::Write`] as [`Staged::check`].
     pub fn of(job: &'a Job) -> Result<Self> {
         let formats = job.outputs.iter().map(|o| Format::of(o).map(|format| (o, format))).collect::<Result<Vec<_>>>()?;
-        check_density(&job.input, job.density)?;
-        if let Some((target, _)) = formats.iter().find(|(_, f)| *f == Format::Glb && import::is_vdb(&job.input)) {
-            return Err(Error::Usage(format!(
-                "-o {}: the grids of a .vdb are no regions that glTF can hold: write .vdb",
-                target.display()
-            )));
+        let targets = Targets(formats);
+        if import::is_vdb(&job.input) {
+            // Before it is read: it may be large.
+            targets.check_grids(job, &job.input.display().to_string())?;
         }
         Staged::check(&job.outputs, job.overwrite)?;
-        if let Some(same) = job.outputs.iter().find(|o| o.canonicalize().is_ok_and(|o| job.input.canonicalize().is_ok_and(|i| i == o))) {
-            return Err(Error::Usage(format!("-o {} is the layout itself: name another file", same.display())));
+        if let Some(target) = overwritten(&job.outputs, &job.input) {
+            return Err(Error::Usage(format!("-o {} is the layout itself: name another file", target.display())));
         }
-        Ok(Targets(formats))
+        Ok(targets)
+    }
+
+    /// Looks at what was read: its regions say what can be asked of it, and the files that it names stay.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn check(&self, job: &Job, layout: &Layout) -> Result<()> {
+        if let Some(target) = layout.volumes.iter().find_map(|volume| overwritten(&job.outputs, volume)) {
+            return Err(Error::Usage(format!("-o {} is a VDB that the layout names: name another file", target.display())));
+        }
+        match layout.scene.voxel_grid() {
+            Some(name) => self.check_grids(job, &format!("{}: region {name:?}", job.input.display())),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses what is not there for voxel grids, of which `who` is one.
+    fn check_grids(&self, job: &Job, who: &str) -> Result<()> {
+        check_density(who, job.density)?;
+        match self.each(Format::Glb).next() {
+            Some(target) => {
+                Err(Error::Usage(format!("-o {}: glTF can hold no voxel grid, and {who} is one: write .vdb", target.display())))
+            }
+            None => Ok(()),
+        }
     }
 
     /// The targets of a format.
@@ -77,15 +101,27 @@ impl<'a> Targets<'a> {
     }
 }
 
-/// Refuses the duality of an input that has none yet.
+/// Refuses the duality of a scene that has none yet: one with a voxel grid.
 ///
 /// # Errors
 /// [`Error::Usage`].
-pub fn check_density(input: &Path, density: Density) -> Result<()> {
-    if density == Density::Duality && import::is_vdb(input) {
-        return Err(Error::Usage(format!("{}: the duality of voxel grids is not there yet: use --density source", input.display())));
+pub fn check_scene(input: &Path, scene: &Scene, density: Density) -> Result<()> {
+    scene.voxel_grid().map_or(Ok(()), |name| check_density(&format!("{}: region {name:?}", input.display()), density))
+}
+
+fn check_density(who: &str, density: Density) -> Result<()> {
+    match density {
+        Density::Duality => {
+            Err(Error::Usage(format!("{who} is a voxel grid, and the duality of these is not there yet: use --density source")))
+        }
+        Density::Source => Ok(()),
     }
-    Ok(())
+}
+
+/// The target that is this file, where one is.
+fn overwritten<'a>(targets: &'a [PathBuf], file: &Path) -> Option<&'a PathBuf> {
+    let file = file.canonicalize().ok()?;
+    targets.iter().find(|target| target.canonicalize().is_ok_and(|target| target == file))
 }
 
 /// The density of an input for which nobody says one: the duality of a layout, a VDB as it is.

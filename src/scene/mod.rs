@@ -44,6 +44,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The name of a region that is a voxel grid, where there is one.
+    pub fn voxel_grid(&self) -> Option<&str> {
+        self.regions.iter().find(|region| matches!(region.shape, Shape::Grid(_))).map(|region| region.name.as_str())
+    }
+
     /// The bounds of all regions; empty without one.
     pub fn region_bounds(&self) -> Bounds {
         self.regions.iter().fold(Bounds::EMPTY, |all, region| all.union(region.shape.bounds()))

@@ -89,6 +89,11 @@ def ball(name="Cloud", centre=(0, 0, 0), radius=1.0, **medium):
     return node
 
 
+def volume(file, name="Smoke", **medium):
+    """A node that names a VDB, and leaves it where it is."""
+    return {"name": name, "extras": {"cloudvdb": {"shape": "vdb", "file": str(file), **medium}}}
+
+
 def write(path, gltf, blob=b""):
     """.gltf (embedded) or .glb by the extension."""
     path = pathlib.Path(path)

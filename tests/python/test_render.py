@@ -66,6 +66,16 @@ def test_grid_as_cycles_has_it(cloudvdb, tmp_path, sky):
     assert verdict.agree, verdict
 
 
+def test_grid_above_a_ground(cloudvdb, tmp_path):
+    """A glTF with a mesh and a node that names the VDB. Mitsuba has no bias, but a sun without a disc; Cycles marches."""
+    scene = small_cumulus(tmp_path, sky=0.3, sun={"angle": 1e-4}, ground={"z": -1.2, "albedo": 0.5})
+    ours = peers.cloudvdb(scene, tmp_path, samples=1024, seeds=[13])
+    theirs = peers.mitsuba(scene, samples=32) if peers.has_mitsuba() else peers.cycles(scene, samples=32, step_rate=0.2)
+    verdict = compare(of(ours), Picture.from_seeds(theirs.images), "cumulus above a ground", tolerance=0.02)
+    print(verdict)
+    assert verdict.agree, verdict
+
+
 def test_stated_errors_are_true(cloudvdb, tmp_path):
     """The layer of standard errors against the scatter of 12 seeds."""
     ours = peers.cloudvdb(small_cumulus(tmp_path, sky=0.3, sigma=25.0), tmp_path, samples=48, seeds=12)

@@ -211,11 +211,12 @@ def shots(described, samples, seeds, bounces, step_rate):
     return np.array(pictures), seconds
 
 
-def transmittance(path, views, width, pixels, density, samples=16, step_rate=0.5):
+def transmittance(path, views, width, pixels, density, samples=16, step_rate=0.5, matrix=None):
     """Pictures of a VDB that only absorbs, before a white sky, by an orthographic camera: one for each view.
 
     `views` are ((centre), "x" | "y" | "z"): what the camera looks at and the axis it looks against. Columns run along
     the first of the other two axes, rows down the second (for "y", whose picture is mirrored, against the first).
+    `matrix` is where the volume's object is; densities are per metre of the world then, not of the object.
     """
     scene = start()
     rays = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
@@ -224,6 +225,8 @@ def transmittance(path, views, width, pixels, density, samples=16, step_rate=0.5
     volume = import_volume(path)
     volume.data.render.precision = "FULL"
     principled(volume, density, 0.0)
+    if matrix is not None:
+        volume.matrix_world, volume.data.render.space = Matrix(matrix), "WORLD"
     found = {"location": list(volume.location), "rotation": list(volume.rotation_euler), "scale": list(volume.scale),
              "type": volume.type, "grids": [g.name for g in volume.data.grids]}
     images = []
