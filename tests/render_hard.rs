@@ -254,11 +254,11 @@ fn each_channel_is_a_grey_picture_of_its_own() {
             scene.surfaces.push(ground(-1.2, 4.0, albedo));
             let coloured = picture(&scene, &usual(), (12, 12), 64, 1);
             balance(name, &scene, 4000);
-            for c in 0..3 {
+            for (c, &albedo) in albedo.iter().enumerate() {
                 let mut grey = scene.clone();
                 grey.regions[0].medium = Medium::grey(medium.sigma_s[c], medium.sigma_a[c], medium.g);
                 (grey.sun.irradiance, grey.sky) = ([scene.sun.irradiance[c]; 3], [scene.sky[c]; 3]);
-                grey.surfaces[0].albedo = [albedo[c]; 3];
+                grey.surfaces[0].albedo = [albedo; 3];
                 let grey = picture(&grey, &usual(), (12, 12), 64, 5 + c as u64);
                 agree(&format!("{name}, {kind}, channel {c}"), (&coloured, c, 1.0), (&grey, 0, 1.0));
             }
