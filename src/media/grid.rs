@@ -232,5 +232,7 @@ fn trilinear(c: &[f32; 8], p: Vec3) -> f32 {
 }
 
 mod shade;
+#[cfg(test)]
+mod tests;
 mod track;
 mod walk;

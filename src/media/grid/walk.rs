@@ -51,6 +51,10 @@ impl Grid {
     pub(super) fn walk<const FINE: bool>(&self, ray: &Ray, t_max: f32, mut visit: impl FnMut(Segment) -> ControlFlow<()>) {
         let direction = self.index_from_local * ray.direction;
         let mut origin = self.index_from_local * ray.origin + self.offset;
+        // What is no ray meets nothing: comparisons would pass over a NaN, and a flight that stands still would never end.
+        if !(origin + direction).is_finite() || direction == Vec3::ZERO {
+            return;
+        }
         let inverse = Vec3::from_array(direction.to_array().map(|d| if d.abs() < 1e-30 { 1e30f32.copysign(d) } else { 1.0 / d }));
         let forward = inverse.cmpgt(Vec3::ZERO);
         // The stretch in which density can be above 0; without end along repeated axes.
@@ -60,8 +64,7 @@ impl Grid {
             enter = enter.max(near[axis].min(far[axis]));
             leave = leave.min(near[axis].max(far[axis]));
         }
-        // NaN (a ray that is none) ends here too.
-        if enter.partial_cmp(&leave) != Some(std::cmp::Ordering::Less) {
+        if enter >= leave {
             return;
         }
         let (mut before, mut t, mut tiles) = (0.0f32, enter, 0u32);
