@@ -1,7 +1,7 @@
 //! What of the spectrum is followed together: all three channels where extinction is grey, else each on its own.
 
 use crate::media::Media;
-use crate::scene::{Medium, Region, Scene};
+use crate::scene::{Region, Scene};
 use glam::{DVec3, Vec3};
 
 /// Channels that share every free flight.
@@ -21,8 +21,8 @@ pub(super) fn bands(scene: &Scene, origin: DVec3, toward_sun: Vec3) -> Vec<Band>
         t.iter().all(|&c| (c - t[0]).abs() <= 1e-12 * t[0].abs())
     });
     let one = |mask: Vec3, channel: Option<usize>| {
-        let of = |m: &Medium| channel.map_or(*m, |c| Medium::grey(m.sigma_s[c], m.sigma_a[c], m.g));
-        let regions: Vec<Region> = scene.regions.iter().map(|r| Region { medium: of(&r.medium), ..r.clone() }).collect();
+        let regions: Vec<Region> =
+            scene.regions.iter().map(|r| Region { medium: channel.map_or(r.medium, |c| r.medium.channel(c)), ..r.clone() }).collect();
         let optics = regions.iter().map(|r| (DVec3::from_array(r.medium.albedo_rgb()).as_vec3(), r.medium.g)).collect();
         let mut media = Media::new(&regions, origin);
         media.learn_shade(toward_sun);

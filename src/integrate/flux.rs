@@ -8,7 +8,7 @@ use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
 use crate::sampling::{around, cosine_hemisphere};
 use crate::scene::phase::sample_henyey_greenstein;
-use crate::scene::{Medium, Region, Scene, medium::luminance};
+use crate::scene::{Region, Scene, medium::luminance};
 use crate::stats::{Estimate, Ratios};
 use crate::trimesh::TriMesh;
 use glam::DVec3;
@@ -253,8 +253,7 @@ fn colours(scene: &Scene, origin: DVec3) -> Vec<Colour> {
     });
     let whole: f64 = shares.iter().sum();
     let one = |c: usize| {
-        let of = |m: &Medium| Medium::grey(m.sigma_s[c], m.sigma_a[c], m.g);
-        let regions: Vec<Region> = scene.regions.iter().map(|r| Region { medium: of(&r.medium), ..r.clone() }).collect();
+        let regions: Vec<Region> = scene.regions.iter().map(|r| Region { medium: r.medium.channel(c), ..r.clone() }).collect();
         Colour {
             media: Media::new(&regions, origin),
             surfaces: scene.surfaces.iter().map(|s| s.albedo[c].clamp(0.0, 1.0)).collect(),

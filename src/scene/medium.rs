@@ -69,6 +69,11 @@ impl Medium {
         std::array::from_fn(|c| if self.sigma_s[c] > 0.0 { self.sigma_s[c] / (self.sigma_s[c] + self.sigma_a[c]) } else { 0.0 })
     }
 
+    /// What one channel alone sees of it (0 red, 1 green, 2 blue): a grey medium.
+    pub fn channel(&self, c: usize) -> Self {
+        Medium::grey(self.sigma_s[c], self.sigma_a[c], self.g)
+    }
+
     /// Whether the three channels are the same.
     pub fn is_grey(&self) -> bool {
         let same = |c: [f64; 3]| c[0] == c[1] && c[1] == c[2];

@@ -11,6 +11,9 @@ use std::ops::ControlFlow;
 const FAINT_DEPTH: f64 = 2.0;
 const SURVIVAL: f64 = 0.25;
 
+/// Nothing passes an optical depth like this: e^-1000 is 0 in double precision.
+const OPAQUE: f64 = 1000.0;
+
 impl Grid {
     /// Flies until a collision, at most to `t_max`, by null collisions: the distance.
     ///
@@ -61,12 +64,13 @@ impl Grid {
     }
 
     /// The optical depth over the first `t_max` metres, exact but for rounding: along a line trilinear density is a cubic within
-    /// each cell, which Simpson's rule integrates without error.
+    /// each cell, which Simpson's rule integrates without error. No farther than to [`OPAQUE`]: a level ray in a repeated layer has
+    /// no end.
     pub(in crate::media) fn optical_depth(&self, ray: &Ray, t_max: f32) -> f64 {
         let mut sum = 0.0;
         self.walk::<true>(ray, t_max, |segment| {
             sum += self.depth(&segment);
-            ControlFlow::Continue(())
+            if sum * self.sigma_t < OPAQUE { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
         sum * self.sigma_t
     }
