@@ -119,11 +119,8 @@ impl Media {
     /// in [`Media::fly_regions`].
     #[inline]
     pub fn fly(&self, ray: &Ray, t_max: f32, tau: f64, hint: f64, rng: &mut Rng, scratch: &mut Scratch) -> Flight {
-        let mut flight = if self.solids.len() == self.grids.len() {
-            Flight::Passed
-        } else {
-            self.fly_regions(ray, t_max, tau, hint, || rng.uniform(), scratch)
-        };
+        let mut flight =
+            if self.grids_alone() { Flight::Passed } else { self.fly_regions(ray, t_max, tau, hint, || rng.uniform(), scratch) };
         let mut reach = if let Flight::Collision { distance, .. } = flight { distance } else { t_max };
         for grid in &self.grids {
             if let Some(distance) = grid.fly(ray, reach, rng, &mut scratch.violations) {
@@ -132,16 +129,6 @@ impl Media {
             }
         }
         flight
-    }
-
-    /// An unbiased estimate of the transmittance along `ray` over its first `t_max` metres: closed form, and through
-    /// grids exact until roulette ends what is faint.
-    pub fn transmittance(&self, ray: &Ray, t_max: f32, rng: &mut Rng, scratch: &mut Scratch) -> f64 {
-        let mut left = if self.solids.len() == self.grids.len() { 1.0 } else { (-self.depth_of_regions(ray, t_max, scratch)).exp() };
-        for grid in &self.grids {
-            left *= grid.transmittance(ray, t_max, rng);
-        }
-        left
     }
 
     /// Prepares [`Media::sunlight`] for a sun in direction `toward`.
@@ -156,7 +143,7 @@ impl Media {
     /// full light would contribute compared with what is usual.
     pub fn sunlight(&self, p: Vec3, toward: Vec3, weight: f32, rng: &mut Rng, scratch: &mut Scratch) -> f64 {
         let ray = Ray { origin: p, direction: toward };
-        let clear = if self.solids.len() == self.grids.len() { 1.0 } else { (-self.depth_of_regions(&ray, f32::INFINITY, scratch)).exp() };
+        let clear = (-self.depth_of_regions(&ray, f32::INFINITY, scratch)).exp();
         let depth = self.grids.iter().try_fold(0.0, |sum, grid| Some(sum + grid.shade(p)?));
         let exact = |rng: &mut Rng| self.grids.iter().fold(clear, |left, grid| left * grid.transmittance(&ray, f32::INFINITY, rng));
         let Some(depth) = depth.filter(|_| !self.grids.is_empty()) else { return exact(rng) };
@@ -231,7 +218,16 @@ impl Media {
         }
     }
 
+    /// Whether there is nothing that has a closed form.
+    #[inline]
+    fn grids_alone(&self) -> bool {
+        self.solids.len() == self.grids.len()
+    }
+
     fn depth_of_regions(&self, ray: &Ray, t_max: f32, scratch: &mut Scratch) -> f64 {
+        if self.grids_alone() {
+            return 0.0;
+        }
         self.intervals(ray, t_max, scratch);
         let length = |i: &Interval| f64::from(i.exit.min(t_max)) - f64::from(i.enter.max(0.0));
         scratch.intervals.iter().map(|i| length(i) * self.optics(i.region).sigma_t).fold(0.0, |sum, depth| sum + depth)

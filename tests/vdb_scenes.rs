@@ -146,6 +146,13 @@ fn what_is_no_cloud_is_refused() {
     let (density, empty) = (bricks(1.0), bricks(0.0));
     refused(plain(&[out("density", &empty, &[])]), &["cloud.VDB", "\"density\"", "empty", "--grid"]);
     refused(plain(&[out("density", &bricks(-1.0), &[])]), &["empty"]);
+    // A stray voxel far off, along one axis or all: no table could hold what lies between.
+    for far in [[1 << 20, 0, 0], [1 << 20; 3], [1 << 15; 3]] {
+        let mut stray = bricks(1.0);
+        stray.origins.push(far);
+        stray.values.extend_from_within(..512);
+        refused(plain(&[out("density", &stray, &[])]), &["\"density\"", "too large to look through", "stray voxels"]);
+    }
     refused(plain(&[out("smoke", &density, &[])]), &["no grid \"density\"", "\"smoke\"", "--grid"]);
     let mut turned = density.clone();
     turned.world_from_index.matrix3 = DMat3::from_quat(DQuat::from_rotation_x(0.2));

@@ -3,7 +3,7 @@
 use super::{at::file_error, json};
 use crate::{Error, Result};
 use sha2::{Digest, Sha256};
-use std::{fmt::Write, io, ops::Range, path::Path};
+use std::{io, ops::Range, path::Path};
 
 const AGAIN: &str = "Copy or export the file again";
 
@@ -44,11 +44,7 @@ pub(super) fn read(path: &Path) -> Result<Document> {
         Some(version) => return Err(file_error(path, format!("its asset is glTF {version:?}, not 2.0"), "Export as glTF 2.0")),
         None => return Err(file_error(path, "this is JSON, but not a glTF file: it has no `asset`", "Export as glTF 2.0 (.glb or .gltf)")),
     }
-    let mut hash = String::with_capacity(64);
-    for byte in Sha256::digest(&bytes) {
-        // Writing to a string does not fail.
-        let _ = write!(hash, "{byte:02x}");
-    }
+    let hash = super::vdb::hex(Sha256::new_with_prefix(&bytes));
     check_extensions(path, &root)?;
     Ok(Document { bytes, binary, root, hash })
 }

@@ -17,8 +17,12 @@ use std::{fmt::Write, io::Read, path::Path, sync::Arc};
 
 /// The name of the grids that are regions, where nobody says another.
 pub(super) const DENSITY: &str = "density";
-/// The most voxels along a side of the box of active ones: indices are 32-bit, and differences of them must be too.
-const LONGEST: i64 = 1 << 30;
+/// The most voxels along a side of the box of active ones: rays find their place in it in single precision.
+const LONGEST: i64 = 1 << 17;
+/// The most nodes of 64^3 voxels in that box: rays find them by a table of all.
+const MOST_NODES: i64 = 1 << 24;
+/// Indices are 32-bit, and so are differences of them.
+const FARTHEST_INDEX: i64 = 1 << 30;
 
 /// Reads every float grid of the name asked for as a region.
 pub(super) fn layout(path: &Path, options: &ImportOptions) -> Result<Layout> {
@@ -96,9 +100,15 @@ pub(super) fn voxels(path: &Path, file: &VdbFile, index: usize, info: &GridInfo,
     let (mut bricks, active) = file.read_active_at(index)?;
     let Some([min, max]) = active.filter(|_| !bricks.origins.is_empty()) else { return Ok(None) };
     let sides: [i64; 3] = std::array::from_fn(|a| i64::from(max[a]) - i64::from(min[a]) + 1);
-    if min.iter().chain(&max).any(|&i| i64::from(i).abs() > LONGEST) || sides.iter().any(|&s| !(1..=LONGEST).contains(&s)) {
+    if min.iter().chain(&max).any(|&i| i64::from(i).abs() > FARTHEST_INDEX) {
         let reason = format!("the active voxels of grid {name:?} reach from {min:?} to {max:?}, farther than indices of 2^30");
         return Err(file_error(path, reason, "The file is damaged, or its voxels are far too small: write it again"));
+    }
+    if sides.iter().any(|&s| s > LONGEST) || sides.iter().map(|s| s / 64 + 2).product::<i64>() > MOST_NODES {
+        let [x, y, z] = sides;
+        let reason =
+            format!("the active voxels of grid {name:?} lie in a box of {x} x {y} x {z} voxels, which is too large to look through");
+        return Err(file_error(path, reason, "Remove stray voxels far from the cloud, split the grid, or resample it coarser"));
     }
     settle(path, name, &mut bricks, notes)?;
     let grid = VoxelGrid::new(bricks, min, max, false);

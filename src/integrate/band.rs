@@ -14,8 +14,9 @@ pub(super) struct Band {
     pub optics: Vec<(Vec3, f64)>,
 }
 
-/// The bands of a scene: one where extinction is grey, three else.
-pub(super) fn bands(scene: &Scene, origin: DVec3, toward_sun: Vec3) -> Vec<Band> {
+/// The bands of a scene: one where extinction is grey, three else; their media know the shade of a sun in direction
+/// `toward_sun`.
+pub(super) fn bands(scene: &Scene, origin: DVec3, toward_sun: Option<Vec3>) -> Vec<Band> {
     let grey = scene.regions.iter().all(|r| {
         let t = r.medium.sigma_t_rgb();
         t.iter().all(|&c| (c - t[0]).abs() <= 1e-12 * t[0].abs())
@@ -25,7 +26,9 @@ pub(super) fn bands(scene: &Scene, origin: DVec3, toward_sun: Vec3) -> Vec<Band>
             scene.regions.iter().map(|r| Region { medium: channel.map_or(r.medium, |c| r.medium.channel(c)), ..r.clone() }).collect();
         let optics = regions.iter().map(|r| (DVec3::from_array(r.medium.albedo_rgb()).as_vec3(), r.medium.g)).collect();
         let mut media = Media::new(&regions, origin);
-        media.learn_shade(toward_sun);
+        if let Some(toward) = toward_sun {
+            media.learn_shade(toward);
+        }
         Band { media, mask, optics }
     };
     if grey { vec![one(Vec3::ONE, None)] } else { (0..3).map(|c| one(Vec3::AXES[c], Some(c))).collect() }

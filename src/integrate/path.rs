@@ -72,7 +72,7 @@ impl PathTracer {
         let colour = |rgb: [f64; 3]| DVec3::from_array(rgb).as_vec3();
         let bounces = plan.on(EffectName::SurfaceBounce);
         PathTracer {
-            bands: bands(scene, origin, -scene.sun.direction.as_vec3()),
+            bands: bands(scene, origin, scene.sun.shines().then(|| -scene.sun.direction.as_vec3())),
             surfaces: TriMesh::new(&meshes, origin),
             albedos: scene.surfaces.iter().map(|s| if bounces { colour(s.albedo) } else { Vec3::ZERO }).collect(),
             sun: Sunlight::new(&scene.sun, plan.on(EffectName::SunDisc)),

@@ -42,6 +42,8 @@ pub(super) struct Grid {
 
 #[derive(Debug, Clone, Copy)]
 struct Brick {
+    /// Its first cell.
+    corner: IVec3,
     /// The largest sample that each block's cells can see, x slowest.
     majorants: [f32; 8],
     /// The mean density of each block.
@@ -111,14 +113,14 @@ impl Grid {
             }
             let entry = self.entry(IVec3::from_array(o)).unwrap_or_default();
             self.tables[entry] = self.bricks.len() as u32;
-            self.bricks.push(Brick { majorants: [0.0; 8], means: [0.0; 8], samples: NONE });
+            self.bricks.push(Brick { corner: IVec3::from_array(o), majorants: [0.0; 8], means: [0.0; 8], samples: NONE });
         }
         for (i, &o) in own.iter().enumerate() {
             if let Some(brick) = self.brick(o) {
                 self.bricks[brick].samples = i as u32;
             }
         }
-        let blocks: Vec<[(f32, f32); 8]> = wanted.par_iter().map(|&o| self.blocks(IVec3::from_array(o))).collect();
+        let blocks: Vec<[(f32, f32); 8]> = self.bricks.par_iter().map(|brick| self.blocks(brick.corner)).collect();
         for (brick, blocks) in self.bricks.iter_mut().zip(blocks) {
             (brick.majorants, brick.means) = (blocks.map(|b| b.0), blocks.map(|b| b.1));
         }

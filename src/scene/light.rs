@@ -17,6 +17,11 @@ pub struct Sun {
 pub const SUN_ANGLE: f64 = 0.00918;
 
 impl Sun {
+    /// Whether it gives any light.
+    pub fn shines(&self) -> bool {
+        self.irradiance.iter().any(|&e| e > 0.0)
+    }
+
     /// The irradiance as one number: the luminance of its RGB.
     pub fn grey_irradiance(&self) -> f64 {
         super::medium::luminance(self.irradiance)

@@ -51,34 +51,21 @@ impl Grid {
     /// Learns the optical depths in direction `toward` (the sun's middle), roughly.
     pub(in crate::media) fn learn_shade(&mut self, toward: Vec3) {
         let local_from_index: Mat3 = self.index_from_local.inverse();
-        let mut corners = vec![IVec3::ZERO; self.bricks.len()];
-        for node in 0..self.nodes.len() {
-            if self.nodes[node] == super::NONE {
-                continue;
-            }
-            let n = node as i32;
-            let at = IVec3::new(n / (self.size.y * self.size.z), n / self.size.z % self.size.y, n % self.size.z) * 64;
-            for (i, &brick) in (0..).zip(&self.tables[self.nodes[node] as usize * 512..][..512]) {
-                if brick != super::NONE {
-                    corners[brick as usize] = at + IVec3::new(i >> 6, i >> 3 & 7, i & 7) * 8;
-                }
-            }
-        }
         let densest = self.bricks.iter().flat_map(|b| b.majorants).fold(0.0, f32::max) * self.sigma_t as f32;
         let voxel = 1.0 / (self.index_from_local * toward).length();
         let spacing = if densest * voxel * SPACINGS.0 as f32 > COARSE { SPACINGS.1 } else { SPACINGS.0 };
         let nodes = (super::BRICK_SIDE / spacing) as usize + 1;
-        let one = |corner: &IVec3, i: usize| {
+        let one = |corner: IVec3, i: usize| {
             let node = IVec3::new((i / nodes / nodes) as i32, (i / nodes % nodes) as i32, (i % nodes) as i32);
-            let p = (*corner + node * spacing).clamp(self.low, self.high).as_vec3();
+            let p = (corner + node * spacing).clamp(self.low, self.high).as_vec3();
             let ray = Ray { origin: local_from_index * (p - self.offset), direction: toward };
             (self.rough_depth(&ray, DARK).min(DARK) * (PARTS / DARK) + 0.5) as u16
         };
-        let depths = corners.par_iter().flat_map_iter(|corner| (0..nodes.pow(3)).map(move |i| one(corner, i))).collect();
+        let depths = self.bricks.par_iter().flat_map_iter(|brick| (0..nodes.pow(3)).map(move |i| one(brick.corner, i))).collect();
         self.shade = Shade { spacing, nodes, depths };
     }
 
-    /// The optical depth toward the sun at a point of the scene's local space, roughly; `None` where no brick is.
+    /// The optical depth toward the sun at a point of the scene's local space, roughly; `None` where no brick is, or nothing was learnt.
     #[inline]
     pub(in crate::media) fn shade(&self, p: Vec3) -> Option<f32> {
         let mut q = self.index_from_local * p + self.offset;
@@ -93,6 +80,9 @@ impl Grid {
             return None;
         }
         let (n, spacing) = (self.shade.nodes, self.shade.spacing);
+        if n == 0 {
+            return None;
+        }
         let depths = &self.shade.depths[self.brick(cell)? * n * n * n..][..n * n * n];
         let f = (q - ((cell >> BRICK) << BRICK).as_vec3()) / spacing as f32;
         let node = f.as_ivec3().min(IVec3::splat(n as i32 - 2));
