@@ -233,6 +233,20 @@ impl Media {
         scratch.intervals.iter().map(|i| length(i) * self.optics(i.region).sigma_t).fold(0.0, |sum, depth| sum + depth)
     }
 
+    /// Whether any region is a voxel grid: those have no stretches of even extinction.
+    pub fn has_grids(&self) -> bool {
+        !self.grids.is_empty()
+    }
+
+    /// The stretches of the ray's first `t_max` metres inside each homogeneous region, as (enter, exit, region), by where
+    /// they begin.
+    pub fn crossings(&self, ray: &Ray, t_max: f32, scratch: &mut Scratch, out: &mut Vec<(f32, f32, u32)>) {
+        self.intervals(ray, t_max, scratch);
+        out.clear();
+        out.extend(scratch.intervals.iter().map(|i| (i.enter.max(0.0), i.exit.min(t_max), i.region)));
+        out.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
+    }
+
     /// Fills `scratch.intervals` with the stretches of the ray inside regions that begin before `t_max` and end after 0.
     fn intervals(&self, ray: &Ray, t_max: f32, scratch: &mut Scratch) {
         scratch.intervals.clear();
@@ -321,5 +335,6 @@ mod balls;
 mod cells;
 mod grid;
 mod intervals;
+mod mass;
 #[cfg(test)]
 mod tests;

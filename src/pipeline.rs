@@ -6,7 +6,7 @@ use crate::export::staged::Staged;
 use crate::export::vdb::VdbOptions;
 use crate::export::{exr, glb, png};
 use crate::import::{self, ImportOptions};
-use crate::photon::Tracer;
+use crate::photon::{Model, Tracer};
 use crate::plan::{Density, Plan};
 use crate::progress::Progress;
 use crate::regions::{Duality, synthesise};
@@ -74,8 +74,8 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
         return Ok(closed(report, clock));
     }
 
-    let written = match job.density {
-        Density::Source => layout.scene.regions.clone(),
+    let (written, pass1) = match job.density {
+        Density::Source => (layout.scene.regions.clone(), None),
         Density::Duality => {
             let tracer = Tracer::new(&layout.scene, &plan, job.duality.model);
             let shot = tracer.fill(job.photons, job.duality.seed, progress).map_err(|e| e.of_file(&job.input))?;
@@ -83,7 +83,8 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
             let synthesis = synthesise(&layout.scene, &shot.map, &job.duality, progress)?;
             clock.end("regions");
             light(&mut report, job, &layout, &tracer, &shot, &synthesis, &clock).map_err(|e| e.of_file(&job.input))?;
-            synthesis.regions
+            // To the letter, the photons that made the regions also light them.
+            (synthesis.regions, (job.duality.model == Model::Hura2006).then_some(shot.map))
         }
     };
     report.optical_mass.written = written.iter().map(Region::optical_mass).sum();
@@ -102,7 +103,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     }
     if let Some(framed) = framed {
         let scene = picture::lit(&layout.scene, &written, job.density);
-        let film = picture::take(job, &scene, &framed, &mut report, &mut clock, progress)?;
+        let film = picture::take(job, &scene, &framed, pass1, &mut report, &mut clock, progress)?;
         for target in targets.each(Format::Exr) {
             staged.add(target, |path| exr::write(path, &film))?;
         }

@@ -18,6 +18,8 @@ pub enum Stage {
     Render = 4,
     /// Photons of an energy balance.
     Flux = 5,
+    /// Pass 2's own photons.
+    Gather = 6,
 }
 
 /// A stream of uniform random numbers.

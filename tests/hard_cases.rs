@@ -119,7 +119,7 @@ fn whole(name: &str, scene: &Scene, photons: u64, model: Model) -> Result<Outcom
         assert!(p.position.iter().all(|x| x.is_finite()) && p.power.is_finite() && p.power >= 0.0, "{name}: {p:?}");
         let at = shot.map.origin + glam::Vec3::from_array(p.position).as_dvec3();
         assert!(inside(bounds, at, 1e-5 * room), "{name}: {at} is outside {bounds:?}");
-        assert!((p.region as usize) < scene.regions.len());
+        assert!((p.region() as usize) < scene.regions.len());
     }
     let (before, after) = tracer.sunlight_through(&scene.regions, 1);
     assert!(before == after && (0.0..=1.0).contains(&before.value), "{name}: {before:?} {after:?}");

@@ -5,6 +5,7 @@
 
 use cloudvdb::export::voxelise::{Up, voxelise};
 use cloudvdb::integrate::flux::{Flux, flux};
+use cloudvdb::integrate::photon::PhotonSettings;
 use cloudvdb::integrate::{Integrator, RenderSettings, Rendering, render};
 use cloudvdb::plan::{Density, Plan};
 use cloudvdb::progress::Silent;
@@ -190,8 +191,8 @@ fn camera(position: DVec3, target: DVec3, yfov: f64) -> Camera {
 }
 
 fn picture(scene: &Scene, camera: &Camera, size: u32, spp: u32, seed: u64) -> Rendering {
-    let settings = RenderSettings { integrator: Integrator::Path, width: size, height: size, spp, seed };
-    let r = render(scene, &Plan::for_scene(scene, Density::Source), camera, &settings, &Silent).unwrap();
+    let settings = RenderSettings { integrator: Integrator::Path, width: size, height: size, spp, seed, photon: PhotonSettings::default() };
+    let r = render(scene, &Plan::for_scene(scene, Density::Source), camera, &settings, None, &Silent).unwrap();
     assert_eq!((r.truncated, r.violations), (0, 0));
     r
 }

@@ -6,6 +6,7 @@
 
 use cloudvdb::Error;
 use cloudvdb::integrate::flux::{Flux, flux};
+use cloudvdb::integrate::photon::PhotonSettings;
 use cloudvdb::integrate::{Integrator, RenderSettings, Rendering, render};
 use cloudvdb::plan::{Density, Plan};
 use cloudvdb::progress::Silent;
@@ -73,8 +74,8 @@ fn usual() -> Camera {
 }
 
 fn picture(scene: &Scene, camera: &Camera, (width, height): (u32, u32), spp: u32, seed: u64) -> Rendering {
-    let settings = RenderSettings { integrator: Integrator::Path, width, height, spp, seed };
-    render(scene, &Plan::for_scene(scene, Density::Source), camera, &settings, &Silent).unwrap()
+    let settings = RenderSettings { integrator: Integrator::Path, width, height, spp, seed, photon: PhotonSettings::default() };
+    render(scene, &Plan::for_scene(scene, Density::Source), camera, &settings, None, &Silent).unwrap()
 }
 
 /// Renders and checks what holds of every picture.

@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::export::vdb::{GridName, VdbOptions};
 use crate::export::voxelise::Up;
 use crate::integrate::Integrator;
+use crate::integrate::photon::Gathering;
 use crate::photon::Model;
 use crate::pipeline::{Job, Picture, usual_density};
 use crate::plan::Density;
@@ -117,6 +118,15 @@ pub struct Run {
     /// Samples a pixel of a picture
     #[arg(long, value_name = "N", default_value = "64", value_parser = count)]
     pub spp: u64,
+    /// Where the photon integrator looks for photons: at points along a ray, or along the whole of it
+    #[arg(long, value_enum, default_value_t = GatherArgument::March)]
+    pub gather: GatherArgument,
+    /// The optical depth of the photon integrator's first step along a ray; it sets the noise, and no bias
+    #[arg(long, value_name = "DEPTH", default_value = "0.1", value_parser = step)]
+    pub step: f64,
+    /// Looks of the photon integrator at the sun's disc from each point of a surface
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub shadow_rays: u32,
     /// By how many stops a .png is brightened
     #[arg(long, value_name = "STOPS", default_value = "0", value_parser = stops, allow_hyphen_values = true)]
     pub exposure: f64,
@@ -175,7 +185,15 @@ impl Run {
             photons: self.photons,
             duality: Duality { model: self.model.into(), placement: self.placement.into(), estimate: self.estimate, seed: self.seed },
             vdb: VdbOptions { voxel_size: self.voxel_size, max_voxels: self.max_voxels, up: self.up.into(), half: !self.float32, grids },
-            picture: Picture { integrator: self.integrator.into(), spp, exposure: self.exposure, view: self.scene.view() },
+            picture: Picture {
+                integrator: self.integrator.into(),
+                spp,
+                gather: self.gather.into(),
+                step: self.step,
+                shadow_rays: self.shadow_rays,
+                exposure: self.exposure,
+                view: self.scene.view(),
+            },
             dry_run: self.dry_run,
         })
     }
@@ -218,7 +236,12 @@ argument!(/// `--placement`
         Importance });
 argument!(/// `--integrator`
     IntegratorArgument for Integrator { /// the reference: unbiased path tracing
-        Path });
+        Path, /// the thesis's pass 2: sunlight that scattered once, and stored photons for the rest
+        Photon });
+argument!(/// `--gather`
+    GatherArgument for Gathering { /// the nearest at points along a ray (the thesis)
+        March, /// all along a ray, each photon a disc
+        Beam });
 argument!(/// `--up`
     UpArgument for Up { /// Blender
         Z, /// Houdini, Unreal, USD
@@ -249,6 +272,14 @@ fn length(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err(format!("{text:?} is not a length in metres above 0")),
+    }
+}
+
+/// An optical depth above zero.
+fn step(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value >= 1e-6 && value.is_finite() => Ok(value),
+        _ => Err(format!("{text:?} is not an optical depth from 1e-6 up")),
     }
 }
 
@@ -292,7 +323,7 @@ mod tests {
         let glb = Arguments::try_parse_from(["cloudvdb", "in.glb", "--json"]).unwrap().run.job().unwrap();
         assert_eq!(glb.density, Density::Duality);
         for wrong in
-            [["--spp", "0"], ["--spp", "5G"], ["--exposure", "nan"], ["--size", "0x0"], ["--fov", "180"], ["--integrator", "photon"]]
+            [["--spp", "0"], ["--spp", "5G"], ["--exposure", "nan"], ["--size", "0x0"], ["--fov", "180"], ["--integrator", "grid"]]
         {
             assert!(job(&wrong).is_err(), "{wrong:?}");
         }

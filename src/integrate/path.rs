@@ -5,7 +5,9 @@
 //! it keeps balance in the mean.
 
 use super::band::{Band, bands};
+use super::lens::View;
 use super::sunlight::Sunlight;
+use super::tile::{Arrival, Layer, Transport};
 use crate::geom::Ray;
 use crate::media::{Flight, Scratch};
 use crate::plan::{EffectName, Plan};
@@ -27,42 +29,11 @@ pub(super) struct PathTracer {
     pub bands: Vec<Band>,
     pub surfaces: TriMesh,
     /// Of each surface; black where the plan leaves bounces out.
-    albedos: Vec<Vec3>,
-    sun: Sunlight,
+    pub albedos: Vec<Vec3>,
+    pub sun: Sunlight,
     pub sky: Vec3,
     /// World position of the local space's origin.
     pub origin: DVec3,
-}
-
-/// How a path reached the camera: the layer that its light belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Layer {
-    VolumeDirect,
-    VolumeIndirect,
-    Surface,
-    Environment,
-}
-
-impl Layer {
-    /// The layer of light that also passed an `event` behind what this one stands for.
-    fn then(self, event: Layer) -> Layer {
-        match self {
-            Layer::Environment => event,
-            Layer::VolumeDirect => Layer::VolumeIndirect,
-            other => other,
-        }
-    }
-}
-
-/// What one camera ray brings.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Arrival {
-    /// Radiance by [`Layer`].
-    pub light: [Vec3; 4],
-    /// Distance to the first event, m.
-    pub depth: Option<f32>,
-    pub collisions: u64,
-    pub truncated: bool,
 }
 
 impl PathTracer {
@@ -82,7 +53,7 @@ impl PathTracer {
     }
 
     /// What arrives along `ray` from its first `reach` metres, or from the sky behind; an unbiased estimate.
-    pub(super) fn radiance(&self, band: &Band, mut ray: Ray, reach: f32, rng: &mut Rng, scratch: &mut Scratch) -> Arrival {
+    fn radiance(&self, band: &Band, mut ray: Ray, reach: f32, rng: &mut Rng, scratch: &mut Scratch) -> Arrival {
         let mut arrival = Arrival::default();
         let (mut throughput, mut layer) = (band.mask, Layer::Environment);
         let (mut hint, mut reach) = (0.0, reach);
@@ -95,7 +66,7 @@ impl PathTracer {
             let hit = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&ray, distance) };
             if let Some(hit) = hit {
                 layer = layer.then(Layer::Surface);
-                arrival.depth.get_or_insert(hit.t);
+                arrival.event(hit.t);
                 let albedo = self.albedos[hit.owner as usize];
                 if albedo == Vec3::ZERO {
                     return arrival;
@@ -107,7 +78,7 @@ impl PathTracer {
                 (hint, share) = (0.0, 1.0);
             } else if let Flight::Collision { distance, region, sigma_t } = flight {
                 layer = layer.then(Layer::VolumeDirect);
-                arrival.depth.get_or_insert(distance);
+                arrival.event(distance);
                 arrival.collisions += 1;
                 let (albedo, g) = band.optics[region as usize];
                 throughput *= albedo;
@@ -138,7 +109,7 @@ impl PathTracer {
                 throughput *= DIM / brightest;
             }
             if arrival.collisions >= MOST_COLLISIONS {
-                arrival.truncated = true;
+                arrival.truncated = 1;
                 return arrival;
             }
         }
@@ -156,5 +127,30 @@ impl PathTracer {
         let (albedo, g) = band.optics[region as usize];
         let there = Ray { origin: ray.at(distance), direction: ray.direction };
         albedo * self.sun.in_medium(band, &self.surfaces, &there, (g, share), rng, scratch).0
+    }
+}
+
+impl Transport for PathTracer {
+    type Room = Scratch;
+
+    fn arrival(&self, view: &View, rng: &mut Rng, scratch: &mut Scratch) -> Arrival {
+        let mut whole = Arrival::default();
+        for band in &self.bands {
+            whole.add(&self.radiance(band, view.ray, view.reach, rng, scratch), Vec3::ONE);
+        }
+        whole
+    }
+
+    fn clear(&self, view: &View, scratch: &mut Scratch) -> (f64, bool) {
+        let hit = self.surfaces.nearest(&view.ray, view.reach);
+        let reach = hit.map_or(view.reach, |h| h.t);
+        // The mean of the bands.
+        let depths = self.bands.iter().map(|band| band.media.optical_depth(&view.ray, reach, scratch));
+        let sum = depths.fold(0.0, |sum, depth| sum + (-depth).exp());
+        (sum / self.bands.len() as f64, hit.is_some())
+    }
+
+    fn scratch(scratch: &Scratch) -> &Scratch {
+        scratch
     }
 }

@@ -76,7 +76,7 @@ impl Sunlight {
 
     /// A direction to a point of the sun's disc, and the irradiance across it over that on the plane across the sun's axis.
     #[inline]
-    fn toward(&self, rng: &mut Rng) -> Option<(Vec3, f32)> {
+    pub(super) fn toward(&self, rng: &mut Rng) -> Option<(Vec3, f32)> {
         if self.irradiance == Vec3::ZERO {
             return None;
         }

@@ -89,6 +89,8 @@ impl Columns {
 pub(super) struct Balls {
     bvh: Bvh,
     columns: Columns,
+    /// (centre, radius, region) in the order that they were given in.
+    given: Vec<(Vec3, f32, u32)>,
 }
 
 impl Balls {
@@ -101,7 +103,17 @@ impl Balls {
         let mut columns = Columns::default();
         bvh.items().iter().for_each(|&i| columns.push(balls[i as usize]));
         columns.pad();
-        Balls { bvh, columns }
+        Balls { bvh, columns, given: balls.to_vec() }
+    }
+
+    /// Calls `visit(centre, radius, region)` for every sphere whose leaf's box meets `query`.
+    #[inline]
+    pub(super) fn near(&self, query: &Box3, mut visit: impl FnMut(Vec3, f32, u32)) {
+        self.bvh.overlapping(query, |i| {
+            let (centre, radius, region) = self.given[i as usize];
+            visit(centre, radius, region);
+            false
+        });
     }
 
     /// Adds the stretches of the ray inside each sphere that begin before `t_max` and end after 0.

@@ -186,6 +186,23 @@ impl Grid {
         self.source.bricks.values[samples as usize * BRICK_VOXELS + (v.x << 6 | v.y << 3 | v.z) as usize]
     }
 
+    /// The trilinear density at a point of the local space; 0 outside.
+    pub(super) fn density(&self, p: Vec3) -> f32 {
+        let mut at = self.index_from_local * p + self.offset;
+        let (low, high) = (self.low.as_vec3(), self.high.as_vec3());
+        if self.periodic {
+            let size = high - low;
+            for axis in 0..2 {
+                at[axis] = low[axis] + (at[axis] - low[axis]).rem_euclid(size[axis]).min(size[axis].next_down());
+            }
+        }
+        let cell = at.floor().as_ivec3();
+        if cell.cmplt(self.low).any() || cell.cmpge(self.high).any() {
+            return 0.0;
+        }
+        trilinear(&self.corners(cell), at - cell.as_vec3())
+    }
+
     /// The mean density of a cell's block.
     #[inline]
     fn mean(&self, cell: IVec3) -> f32 {

@@ -3,6 +3,7 @@
 use super::Photon;
 use glam::{DVec3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
 
 /// The stored photons, sorted by region once it is finished.
 #[derive(Debug, Clone)]
@@ -42,11 +43,11 @@ impl PhotonMap {
 
     /// Scales every power (to W per stored photon) and sorts the photons by region, in place and in one order only.
     pub fn finish(&mut self, scale: f64) {
-        let regions = self.photons.iter().map(|p| p.region as usize + 1).max().unwrap_or(0);
+        let regions = self.photons.iter().map(|p| p.region() as usize + 1).max().unwrap_or(0);
         let mut starts = vec![0usize; regions + 1];
         for photon in &mut self.photons {
             photon.power = (f64::from(photon.power) * scale) as f32;
-            starts[photon.region as usize + 1] += 1;
+            starts[photon.region() as usize + 1] += 1;
         }
         for i in 1..starts.len() {
             starts[i] += starts[i - 1];
@@ -55,7 +56,7 @@ impl PhotonMap {
         let mut next = starts.clone();
         for region in 0..regions {
             while next[region] < starts[region + 1] {
-                let home = self.photons[next[region]].region as usize;
+                let home = self.photons[next[region]].region() as usize;
                 if home == region {
                     next[region] += 1;
                 } else {
@@ -81,8 +82,47 @@ impl PhotonMap {
     }
 }
 
+impl PhotonMap {
+    /// The photons relative to `origin`, in the order of a space-filling curve: what lies close in space lies close in memory.
+    pub fn along_curve(self, origin: DVec3) -> Vec<Photon> {
+        let shift = (self.origin - origin).as_vec3();
+        let mut photons = self.photons;
+        for photon in &mut photons {
+            photon.position = (Vec3::from_array(photon.position) + shift).to_array();
+        }
+        let (min, max) = photons.iter().map(|p| Vec3::from_array(p.position)).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+        let cells = 1023.999 / (max - min).max(Vec3::splat(f32::MIN_POSITIVE));
+        let key = |p: &Photon| {
+            let position = Vec3::from_array(p.position);
+            // Within a cell by whatever tells photons apart, so that the order is one only.
+            (interleave((position - min) * cells), position.to_array().map(f32::to_bits), p.direction, p.power.to_bits())
+        };
+        photons.par_sort_unstable_by(|a, b| key(a).0.cmp(&key(b).0).then_with(|| key(a).cmp(&key(b))));
+        photons
+    }
+}
+
+/// The bits of three numbers below 1024 in turn (Morton's order).
+#[inline]
+fn interleave(p: Vec3) -> u32 {
+    let spread = |x: f32| {
+        let x = x as u32;
+        let x = (x | x << 16) & 0x0300_00ff;
+        let x = (x | x << 8) & 0x0300_f00f;
+        let x = (x | x << 4) & 0x030c_30c3;
+        (x | x << 2) & 0x0924_9249
+    };
+    spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2
+}
+
 /// A k-d tree over the positions of some photons.
 pub struct PhotonTree(ImmutableKdTree<f32, 3>);
+
+impl std::fmt::Debug for PhotonTree {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("PhotonTree").field(&self.0.size()).finish()
+    }
+}
 
 impl PhotonTree {
     /// Builds the tree. `None` where kiddo cannot (more points than it can number).
@@ -95,5 +135,11 @@ impl PhotonTree {
         let mut count = 0;
         self.0.query(&centre.to_array()).within::<SquaredEuclidean<f32>>(radius * radius).unsorted().visit(|_| count += 1);
         count
+    }
+
+    /// Calls `visit(squared distance, number of the photon)` for every photon within `radius` metres of `centre`.
+    #[inline]
+    pub fn within(&self, centre: Vec3, radius: f32, mut visit: impl FnMut(f32, u32)) {
+        self.0.query(&centre.to_array()).within::<SquaredEuclidean<f32>>(radius * radius).unsorted().visit(|hit| visit(hit.distance, hit.item));
     }
 }

@@ -32,11 +32,38 @@ pub struct Photon {
     pub direction: u32,
     /// Power in W, times the albedo in the physical model.
     pub power: f32,
-    /// The region that it collided in.
-    pub region: u32,
+    /// The region that it collided in, and above it the group of its path.
+    home: u32,
 }
 
+/// Paths are dealt into so many groups: what the groups' sums differ by is the noise of all their photons together,
+/// however alike those of one path are.
+pub const GROUPS: usize = 8;
+
+/// Bits of [`Photon::home`] that are the region's.
+const REGION_BITS: u32 = 29;
+
 impl Photon {
+    /// A photon at `position` (relative to the map's origin, m) that travels in `direction` (unit length) with `power` in W,
+    /// collides in `region` (of fewer than 2^29) and belongs to path number `path`.
+    #[inline]
+    pub fn new(position: Vec3, direction: Vec3, power: f32, region: u32, path: usize) -> Self {
+        let home = region | ((path % GROUPS) as u32) << REGION_BITS;
+        Photon { position: position.to_array(), direction: pack_direction(direction), power, home }
+    }
+
+    /// The region that it collided in.
+    #[inline]
+    pub fn region(&self) -> u32 {
+        self.home & ((1 << REGION_BITS) - 1)
+    }
+
+    /// The group of its path, below [`GROUPS`].
+    #[inline]
+    pub fn group(&self) -> usize {
+        (self.home >> REGION_BITS) as usize
+    }
+
     /// Whether its position can stand in a tree.
     pub fn is_finite(&self) -> bool {
         self.position.iter().all(|x| x.is_finite())

@@ -213,7 +213,7 @@ fn trees_count_what_brute_force_counts() {
     let mut rng = Rng::new(2, Stage::Regions, 0);
     for index in 0..2 {
         let photons = shot.map.of_region(index);
-        assert!(photons.iter().all(|p| p.region == index as u32));
+        assert!(photons.iter().all(|p| p.region() == index as u32));
         let tree = PhotonTree::new(photons).unwrap();
         for _ in 0..200 {
             let centre = Vec3::from_array(photons[(rng.uniform() * photons.len() as f64) as usize].position);
@@ -229,7 +229,7 @@ fn trees_count_what_brute_force_counts() {
 
 #[test]
 fn trees_stand_photons_that_share_a_point_or_a_plane() {
-    let photon = |x: f32, y: f32| Photon { position: [x, y, 0.5], direction: 0, power: 1.0, region: 0 };
+    let photon = |x: f32, y: f32| Photon::new(Vec3::new(x, y, 0.5), Vec3::Z, 1.0, 0, 0);
     let point = vec![photon(0.25, 0.5); 50_000];
     assert_eq!(PhotonTree::new(&point).unwrap().count_within(Vec3::new(0.25, 0.5, 0.5), 1e-3), 50_000);
     let plane: Vec<Photon> = (0..50_000).map(|i| photon((i % 250) as f32, (i / 250) as f32)).collect();

@@ -3,7 +3,7 @@
 use super::emit::{Emitter, Start};
 use super::map::PhotonMap;
 use super::rules::{Hura2006, Physical, Rules};
-use super::{Model, Photon, pack_direction};
+use super::{Model, Photon};
 use crate::error::{Error, Result};
 use crate::geom::{Bounds, Ray};
 use crate::media::{Flight, Media, Scratch};
@@ -105,6 +105,7 @@ pub struct Tracer {
     albedos: Vec<f64>,
     pub(super) emitter: Emitter,
     model: Model,
+    stage: Stage,
     absorption: bool,
     /// The largest optical depth across a region.
     thickest: f64,
@@ -131,12 +132,23 @@ impl Tracer {
             albedos: scene.surfaces.iter().map(|s| if bounces { luminance(s.albedo).clamp(0.0, 1.0) } else { 0.0 }).collect(),
             emitter: Emitter::new(scene, origin, plan.on(EffectName::SunDisc), bounces),
             model,
+            stage: Stage::Photons,
             absorption: plan.on(EffectName::Absorption),
             thickest: scene.regions.iter().map(|r| r.medium.sigma_t() * r.shape.thickness()).fold(0.0, f64::max),
             origin,
             wrap: (alone && !scene.regions.is_empty()).then(|| local(bounds)),
             tiles: scene.regions.iter().map(|r| tile(&r.shape)).collect(),
         }
+    }
+
+    /// The tracer of pass 2's own photons: random numbers that pass 1 has not used.
+    pub fn of_second_pass(self) -> Self {
+        Tracer { stage: Stage::Gather, ..self }
+    }
+
+    /// The tile, relative to the scene's origin, that photons of a scene without end are kept in.
+    pub fn tile(&self) -> Option<(Vec3, Vec3)> {
+        self.wrap
     }
 
     /// Traces photons until `wanted` are stored (the thesis's "when the volume photon map is full"), or until so many have
@@ -208,7 +220,7 @@ impl Tracer {
     /// One batch of paths: the same whatever else is traced, and on whatever thread. Stops after the path that alone would
     /// fill the map.
     fn batch(&self, seed: u64, item: u64, wanted: u64, progress: &dyn Progress) -> Batch {
-        let mut rng = Rng::new(seed, Stage::Photons, item);
+        let mut rng = Rng::new(seed, self.stage, item);
         let (mut batch, mut scratch) = (Batch::default(), Scratch::default());
         for _ in 0..BATCH_PATHS {
             let start = self.emitter.emit(&mut rng, &self.surfaces);
@@ -275,12 +287,7 @@ impl Tracer {
             at.power = kept;
             if (collisions > 1 || at.bounced) && (batch.photons.len() as u64) < wanted && self.in_tile(region, p) {
                 let stored = at.power * R::stored(optics.albedo);
-                batch.photons.push(Photon {
-                    position: p.to_array(),
-                    direction: pack_direction(at.ray.direction),
-                    power: stored as f32,
-                    region,
-                });
+                batch.photons.push(Photon::new(p, at.ray.direction, stored as f32, region, batch.ends.len()));
             }
             if self.absorption && rng.uniform() >= optics.albedo {
                 return batch.end(Fate::AbsorbedMedium, &at);

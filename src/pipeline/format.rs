@@ -4,8 +4,11 @@ use super::Job;
 use crate::error::{Error, Result};
 use crate::export::staged::Staged;
 use crate::import::{self, Layout};
+use crate::integrate::Integrator;
+use crate::integrate::photon::Gathering;
+use crate::photon::Model;
 use crate::plan::Density;
-use crate::scene::Scene;
+use crate::scene::{Region, Scene, Shape};
 use std::path::{Path, PathBuf};
 
 /// What a file is, by its extension.
@@ -73,10 +76,14 @@ impl<'a> Targets<'a> {
         if let Some(target) = layout.volumes.iter().find_map(|volume| overwritten(&job.outputs, volume)) {
             return Err(Error::Usage(format!("-o {} is a VDB that the layout names: name another file", target.display())));
         }
-        match layout.scene.voxel_grid() {
-            Some(name) => self.check_grids(job, &format!("{}: region {name:?}", job.input.display())),
-            None => Ok(()),
+        if let Some(name) = layout.scene.voxel_grid() {
+            self.check_grids(job, &format!("{}: region {name:?}", job.input.display()))?;
         }
+        let picture = self.any(Format::Exr) || self.any(Format::Png);
+        if picture && job.picture.integrator == Integrator::Photon {
+            check_photons(job, &layout.scene)?;
+        }
+        Ok(())
     }
 
     /// Refuses what is not there for voxel grids, of which `who` is one.
@@ -116,6 +123,33 @@ fn check_density(who: &str, density: Density) -> Result<()> {
         }
         Density::Source => Ok(()),
     }
+}
+
+/// Refuses what the photon integrator cannot do.
+fn check_photons(job: &Job, scene: &Scene) -> Result<()> {
+    let usage = |text: String| Err(Error::Usage(text));
+    let beam = job.picture.gather == Gathering::Beam;
+    if beam && job.duality.model == Model::Hura2006 {
+        return usage("--gather beam: the thesis has no beams; use --gather march with --model hura2006, or --model physical".into());
+    }
+    if job.density == Density::Duality {
+        return Ok(());
+    }
+    let name = |region: Option<&Region>| region.map_or_else(String::new, |r| format!("{}: region {:?}", job.input.display(), r.name));
+    let endless = scene.regions.iter().find(|r| r.shape.is_endless());
+    let mixed = endless.is_some() && !scene.regions.iter().all(|r| r.shape.is_endless());
+    if mixed {
+        let who = name(endless);
+        return usage(format!("{who} goes on without end, and photons are stored within its tile only: beside other regions use --integrator path"));
+    }
+    let odd = scene.regions.iter().find(|r| r.shape.is_endless() || matches!(r.shape, Shape::Grid(_)));
+    if beam && odd.is_some() {
+        return usage(format!("--gather beam cannot follow {}, a layer without end or a voxel grid: use --gather march", name(odd)));
+    }
+    if job.duality.model == Model::Hura2006 && scene.voxel_grid().is_some() {
+        return usage(format!("{} is a voxel grid, and the thesis marches homogeneous regions only: use --model physical", name(odd)));
+    }
+    Ok(())
 }
 
 /// The target that is this file, where one is.

@@ -5,9 +5,12 @@ use super::account::Clock;
 use crate::error::Result;
 use crate::export::report::{Render, Report};
 use crate::film::Film;
+use crate::integrate::photon::{Gathering, PhotonSettings};
 use crate::integrate::{self, Integrator, RenderSettings};
+use crate::photon::PhotonMap;
 use crate::plan::{Density, Plan};
 use crate::progress::Progress;
+use crate::regions::Duality;
 use crate::scene::{Framed, Region, Scene, View};
 use std::borrow::Cow;
 use std::time::Instant;
@@ -19,6 +22,12 @@ pub struct Picture {
     pub integrator: Integrator,
     /// Samples a pixel.
     pub spp: u32,
+    /// Where [`Integrator::Photon`] looks for photons.
+    pub gather: Gathering,
+    /// The optical depth of its march's first step.
+    pub step: f64,
+    /// Its looks at the sun from each point of a surface.
+    pub shadow_rays: u32,
     /// By how many stops the preview is brightened.
     pub exposure: f64,
     /// The camera and the size, where they are not the scene's.
@@ -27,7 +36,8 @@ pub struct Picture {
 
 impl Default for Picture {
     fn default() -> Self {
-        Picture { integrator: Integrator::Path, spp: 64, exposure: 0.0, view: View::default() }
+        let PhotonSettings { gather, step, shadow_rays, .. } = PhotonSettings::default();
+        Picture { integrator: Integrator::Path, spp: 64, gather, step, shadow_rays, exposure: 0.0, view: View::default() }
     }
 }
 
@@ -45,21 +55,24 @@ pub(super) fn lit<'a>(scene: &'a Scene, written: &[Region], density: Density) ->
     }
 }
 
-/// Takes the picture of a scene, and tells the report.
+/// Takes the picture of a scene, and tells the report. The photons of pass 1 light it where they are given.
 pub(super) fn take(
     job: &Job,
     scene: &Scene,
     framed: &Framed,
+    pass1: Option<PhotonMap>,
     report: &mut Report,
     clock: &mut Clock,
     watch: &dyn Progress,
 ) -> Result<Film> {
-    let Picture { integrator, spp, .. } = job.picture;
-    let settings = RenderSettings { integrator, width: framed.width, height: framed.height, spp, seed: job.duality.seed };
+    let Picture { integrator, spp, gather, step, shadow_rays, .. } = job.picture;
+    let Duality { model, estimate, seed, .. } = job.duality;
+    let photon = PhotonSettings { model, gather, photons: job.photons, estimate, step, shadow_rays };
+    let settings = RenderSettings { integrator, width: framed.width, height: framed.height, spp, seed, photon };
     // The effects of what is rendered: regions of the duality overlap where those of the layout may not.
     let plan = Plan::for_scene(scene, Density::Source);
     let begun = Instant::now();
-    let rendering = integrate::render(scene, &plan, &framed.camera, &settings, watch)?;
+    let rendering = integrate::render(scene, &plan, &framed.camera, &settings, pass1, watch)?;
     report.render = Some(Render::of(&settings, &rendering, begun.elapsed().as_secs_f64()));
     clock.end("render");
     Ok(rendering.film)

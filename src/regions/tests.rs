@@ -51,7 +51,7 @@ fn map_of(origin: DVec3, photons: impl IntoIterator<Item = (u32, DVec3)>) -> Pho
     let mut map = PhotonMap::new(origin, 0);
     let photons: Vec<Photon> = photons
         .into_iter()
-        .map(|(region, p)| Photon { position: (p - origin).as_vec3().to_array(), direction: 0, power: 1.0, region })
+        .map(|(region, p)| Photon::new((p - origin).as_vec3(), glam::Vec3::Z, 1.0, region, 0))
         .collect();
     map.extend(&photons);
     map.finish(1.0);

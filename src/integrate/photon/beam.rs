@@ -1,0 +1,160 @@
+//! The beam radiance estimate (Jarosz, Zwicker and Jensen 2008): every stored photon is a disc across the ray, and one walk along
+//! the ray finds all that it pierces.
+
+use super::Room;
+use super::gather::{Gather, Groups, Lobe, Neighbourhood};
+use crate::bvh::{Box3, Bvh};
+use crate::error::Result;
+use crate::geom::Ray;
+use crate::media::Media;
+use crate::photon::{Model, Photon, unpack_direction};
+use crate::progress::Progress;
+use crate::rng::Rng;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::f32::consts::PI;
+
+/// Photons that follow one another along the curve and share a radius and a place in the hierarchy.
+const BLOCK: usize = 16;
+/// Photons of the thinned map that decide a radius.
+const PILOTS: u64 = 64;
+/// Where less than this share of light passes, the ray plays roulette about going on.
+const FAINT: f64 = 0.02;
+
+/// Stored photons as discs.
+#[derive(Debug)]
+pub(super) struct Discs {
+    /// In blocks of [`BLOCK`]; their powers over the mean extinction around them.
+    photons: Vec<Photon>,
+    /// Of each block, m.
+    radii: Vec<f32>,
+    widest: f32,
+    bvh: Bvh,
+    estimate: u64,
+}
+
+/// A stretch of a ray in which nothing changes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Even {
+    from: f32,
+    to: f32,
+    /// Optical depth before it.
+    before: f64,
+    sigma_t: f64,
+    sigma_s: f64,
+    lobe: Lobe,
+}
+
+impl Discs {
+    /// Over photons in the order of [`crate::photon::PhotonMap::along_curve`]; a disc's radius is the distance within which
+    /// about `estimate` of them lie.
+    pub(super) fn new(mut photons: Vec<Photon>, estimate: u64, media: &Media, progress: &dyn Progress) -> Result<Self> {
+        let estimate = estimate.clamp(1, (photons.len() as u64).max(1));
+        let thin = estimate.div_ceil(PILOTS).max(1);
+        let pilots = Gather::new(photons.iter().step_by(thin as usize).copied().collect(), estimate.div_ceil(thin), Model::Physical, None);
+        progress.check()?;
+        let blocks = photons.len().div_ceil(BLOCK);
+        progress.begin("discs", blocks as u64);
+        // Fixed groups of blocks, so that no thread's past decides anything.
+        let radii: Vec<f32> = photons
+            .par_chunks_mut(BLOCK * 256)
+            .flat_map_iter(|group| {
+                let mut hood = Neighbourhood::default();
+                let radii: Vec<f32> = group.chunks_mut(BLOCK).map(|block| radius(block, &pilots, media, &mut hood)).collect();
+                radii
+            })
+            .collect();
+        progress.check()?;
+        let around = |(block, &radius): (&[Photon], &f32)| {
+            let at = |p: &Photon| Vec3::from_array(p.position);
+            let (min, max) = block.iter().map(at).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+            Some(Box3 { min: min - radius, max: max + radius })
+        };
+        let bvh = Bvh::new(&photons.chunks(BLOCK).zip(&radii).map(around).collect::<Vec<_>>(), 2);
+        let widest = radii.iter().copied().fold(0.0, f32::max);
+        Ok(Discs { photons, radii, widest, bvh, estimate })
+    }
+
+    /// Photons in an estimate.
+    pub(super) fn estimate(&self) -> u64 {
+        self.estimate
+    }
+
+    /// Adds what the photons around the first `reach` metres of a ray scatter toward its start, by groups of paths.
+    pub(super) fn along(&self, ray: &Ray, reach: f32, media: &Media, groups: &mut Groups, rng: &mut Rng, room: &mut Room) {
+        evens(ray, reach, media, rng, room);
+        let evens = &room.stretches;
+        let (Some(first), Some(last)) = (evens.first(), evens.last()) else { return };
+        // Beyond this the roulette is lost.
+        let deepest = -(FAINT * (1.0 - rng.uniform())).ln();
+        let end = match evens.iter().find(|e| e.before + e.sigma_t * f64::from(e.to - e.from) > deepest) {
+            Some(e) => (f64::from(e.from) + (deepest - e.before) / e.sigma_t) as f32,
+            None => last.to,
+        };
+        self.bvh.traverse(ray.origin, ray.direction, end + self.widest, |block, _| {
+            let radius2 = self.radii[block as usize] * self.radii[block as usize];
+            let from = block as usize * BLOCK;
+            for photon in &self.photons[from..(from + BLOCK).min(self.photons.len())] {
+                let away = Vec3::from_array(photon.position) - ray.origin;
+                let t = away.dot(ray.direction);
+                let across2 = (away - ray.direction * t).length_squared();
+                if across2 >= radius2 || t < first.from || t >= end {
+                    continue;
+                }
+                let even = &evens[evens.partition_point(|e| e.to <= t).min(evens.len() - 1)];
+                if t < even.from {
+                    continue;
+                }
+                let clear = (-(even.before + even.sigma_t * f64::from(t - even.from))).exp().max(FAINT);
+                // Silverman's kernel in the plane across the ray: 3 / (pi r^2) (1 - x^2)^2.
+                let inside = 1.0 - across2 / radius2;
+                let kernel = 3.0 / (PI * radius2) * inside * inside;
+                let value = photon.power * kernel * even.lobe.value(unpack_direction(photon.direction));
+                groups[photon.group()] += clear * even.sigma_s * f64::from(value);
+            }
+        });
+    }
+}
+
+/// The radius of a block's discs; its photons' powers are divided by the mean extinction within it, which says what of a disc lies
+/// outside of all regions, or where they overlap.
+fn radius(block: &mut [Photon], pilots: &Gather, media: &Media, hood: &mut Neighbourhood) -> f32 {
+    let middle = block.iter().map(|p| Vec3::from_array(p.position)).sum::<Vec3>() / block.len() as f32;
+    let radius = pilots.nearest(middle, hood).unwrap_or(0.0).max(pilots.floor());
+    let volume = 4.0 / 3.0 * std::f64::consts::PI * f64::from(radius).powi(3);
+    for photon in block {
+        let mass = media.mass_within(Vec3::from_array(photon.position), radius);
+        photon.power = if mass > 0.0 { (f64::from(photon.power) * volume / mass) as f32 } else { 0.0 };
+    }
+    radius
+}
+
+/// Fills `room.stretches` with those of the ray's first `reach` metres that lie in regions. Where several overlap, one of their
+/// phase functions is drawn in proportion to what they scatter.
+fn evens(ray: &Ray, reach: f32, media: &Media, rng: &mut Rng, room: &mut Room) {
+    media.crossings(ray, reach, &mut room.scratch, &mut room.crossings);
+    let crossings = &room.crossings;
+    let mut ends: Vec<f32> = crossings.iter().flat_map(|c| [c.0, c.1]).collect();
+    ends.sort_unstable_by(f32::total_cmp);
+    ends.dedup();
+    room.stretches.clear();
+    let mut before = 0.0;
+    for pair in ends.windows(2) {
+        let (from, to) = (pair[0], pair[1]);
+        let (mut sigma_t, mut sigma_s, mut g) = (0.0, 0.0, 0.0);
+        for &(enter, exit, region) in crossings {
+            if enter <= from && exit >= to {
+                let optics = media.optics(region);
+                let scattered = optics.sigma_t * optics.albedo;
+                (sigma_t, sigma_s) = (sigma_t + optics.sigma_t, sigma_s + scattered);
+                if optics.g != g && rng.uniform() * sigma_s < scattered {
+                    g = optics.g;
+                }
+            }
+        }
+        if sigma_t > 0.0 {
+            room.stretches.push(Even { from, to, before, sigma_t, sigma_s, lobe: Lobe::new(g, -ray.direction) });
+            before += sigma_t * (f64::from(to) - f64::from(from));
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! Tiles of pixels: camera rays, their mean by layer, and how well it is known.
+
+use super::lens::{Lens, View};
+use crate::film::{NOTHING, Pixel};
+use crate::media::Scratch;
+use crate::photon::GROUPS;
+use crate::progress::Progress;
+use crate::rng::Rng;
+use glam::{DVec3, Vec3};
+
+/// Samples of a pixel that also measure the transmittance, exactly along each ray.
+const CLEAR: u32 = 8;
+
+/// How a path reached the camera: the layer that its light belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Layer {
+    VolumeDirect,
+    VolumeIndirect,
+    Surface,
+    Environment,
+}
+
+impl Layer {
+    /// The layer of light that also passed an `event` behind what this one stands for.
+    pub(super) fn then(self, event: Layer) -> Layer {
+        match self {
+            Layer::Environment => event,
+            Layer::VolumeDirect => Layer::VolumeIndirect,
+            other => other,
+        }
+    }
+}
+
+/// What one camera ray brings.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Arrival {
+    /// Radiance by [`Layer`].
+    pub light: [Vec3; 4],
+    /// What of it each group of stored photons has brought.
+    pub groups: [Vec3; GROUPS],
+    /// The mean distance to the first event, m, times the chance of one; and that chance.
+    pub depth: (f64, f64),
+    pub collisions: u64,
+    pub truncated: u64,
+}
+
+impl Arrival {
+    /// The ray's first event, if it has had none.
+    #[inline]
+    pub(super) fn event(&mut self, distance: f32) {
+        if self.depth.1 == 0.0 {
+            self.depth = (distance.into(), 1.0);
+        }
+    }
+
+    /// Adds what another channel brings, tinted.
+    pub(super) fn add(&mut self, other: &Arrival, tint: Vec3) {
+        for (sum, light) in self.light.iter_mut().zip(other.light) {
+            *sum += light * tint;
+        }
+        for (sum, light) in self.groups.iter_mut().zip(other.groups) {
+            *sum += light * tint;
+        }
+        self.depth = (self.depth.0 + other.depth.0, self.depth.1 + other.depth.1);
+        self.collisions += other.collisions;
+        self.truncated += other.truncated;
+    }
+}
+
+/// How light is followed along camera rays.
+pub(super) trait Transport: Sync {
+    /// Room that a tile keeps from ray to ray.
+    type Room: Default + Send;
+
+    /// What arrives along a camera ray.
+    fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Self::Room) -> Arrival;
+
+    /// The transmittance along a camera ray up to a surface, or to the end; and whether there is a surface.
+    fn clear(&self, view: &View, room: &mut Self::Room) -> (f64, bool);
+
+    /// The room's part that media use.
+    fn scratch(room: &Self::Room) -> &Scratch;
+}
+
+/// What a tile gives.
+#[derive(Debug)]
+pub(super) struct Done {
+    pub pixels: Vec<Pixel>,
+    pub collisions: u64,
+    pub truncated: u64,
+    pub violations: u64,
+}
+
+/// A tile at work.
+#[derive(Debug, Default)]
+pub(super) struct Tile<Room> {
+    pub pixels: Vec<Pixel>,
+    pub collisions: u64,
+    pub truncated: u64,
+    pub room: Room,
+}
+
+impl<Room> Tile<Room> {
+    /// Without its room.
+    pub(super) fn done(self, violations: u64) -> Done {
+        Done { pixels: self.pixels, collisions: self.collisions, truncated: self.truncated, violations }
+    }
+
+    /// Renders one pixel: all its samples, summed in f64.
+    pub(super) fn pixel<T: Transport<Room = Room>>(
+        &mut self,
+        transport: &T,
+        lens: &Lens,
+        (x, y): (u32, u32),
+        spp: u32,
+        rng: &mut Rng,
+        progress: &dyn Progress,
+    ) {
+        let (mut light, mut squares) = ([DVec3::ZERO; 4], DVec3::ZERO);
+        let mut groups = [DVec3::ZERO; GROUPS];
+        let (mut depth, mut events) = (0.0f64, 0.0f64);
+        let (mut through, mut opaque) = (0.0f64, 0u32);
+        for sample in 0..spp {
+            if sample % 64 == 63 && progress.cancelled() {
+                break;
+            }
+            let view = lens.view(x as f32 + rng.uniform_f32(), y as f32 + rng.uniform_f32());
+            if sample < CLEAR {
+                let (share, surface) = transport.clear(&view, &mut self.room);
+                (through, opaque) = (through + share, opaque + u32::from(surface));
+            }
+            let arrival = transport.arrival(&view, rng, &mut self.room);
+            let mut sum = DVec3::ZERO;
+            for (layer, arrived) in light.iter_mut().zip(arrival.light) {
+                *layer += arrived.as_dvec3();
+                sum += arrived.as_dvec3();
+            }
+            for (group, arrived) in groups.iter_mut().zip(arrival.groups) {
+                *group += arrived.as_dvec3();
+            }
+            let (far, chance) = arrival.depth;
+            (depth, events) = (depth + f64::from(view.near) * chance + far * f64::from(view.cos), events + chance);
+            self.collisions += arrival.collisions;
+            self.truncated += arrival.truncated;
+            squares += sum * sum;
+        }
+        let n = f64::from(spp);
+        let rgb = |sum: DVec3| (sum / n).as_vec3().to_array();
+        let mean = light.iter().copied().sum::<DVec3>() / n;
+        let between_samples = (squares / n - mean * mean).max(DVec3::ZERO) / (n - 1.0);
+        let error = (between_samples + between_groups(&groups) / (n * n)).to_array().map(f64::sqrt);
+        let clear = f64::from(spp.min(CLEAR));
+        self.pixels.push(Pixel {
+            volume_direct: rgb(light[0]),
+            volume_indirect: rgb(light[1]),
+            surface: rgb(light[2]),
+            environment: rgb(light[3]),
+            // One sample does not know its error.
+            standard_error: if spp > 1 { DVec3::from_array(error).as_vec3().to_array() } else { [f32::INFINITY; 3] },
+            transmittance: (through / clear) as f32,
+            opaque: (f64::from(opaque) / clear) as f32,
+            depth: if events > 0.0 { (depth / events) as f32 } else { NOTHING },
+        });
+    }
+}
+
+/// The variance of the groups' sum, by what they differ by: each is an independent estimate of an eighth of it.
+fn between_groups(groups: &[DVec3; GROUPS]) -> DVec3 {
+    let n = GROUPS as f64;
+    let mean = groups.iter().copied().sum::<DVec3>() / n;
+    groups.iter().map(|&g| (g - mean) * (g - mean)).sum::<DVec3>() * (n / (n - 1.0))
+}
