@@ -38,7 +38,7 @@ fn trap_05_each_flight_loses_half_its_power_again() {
 #[test]
 fn trap_06_absorbed_photons_are_stored_too() {
     let scene = thesis_sphere();
-    let flux = flux(&scene, &Plan::for_scene(&scene, Density::Source), 400_000, 3, &Silent).unwrap();
+    let flux = flux(&scene, &Plan::for_scene(&scene, Density::Source), 200_000, 3, &Silent).unwrap();
     // Scatterings from the second on, per photon that meets the sphere: what the map stands for.
     let truth = flux.mean_scatterings.value - 0.8 * (1.0 - clear(12.0));
     let per_photon = |values: Vec<f64>| {
@@ -48,7 +48,7 @@ fn trap_06_absorbed_photons_are_stored_too() {
     };
     let area = std::f64::consts::PI * 36.0;
     let power = |shot: &Shot| shot.map.photons().iter().map(|p| f64::from(p.power)).sum::<f64>() / area;
-    let shots = |model| (0..16).map(|seed| shoot(&scene, model, 25_000, seed)).collect::<Vec<Shot>>();
+    let shots = |model| (0..16).map(|seed| shoot(&scene, model, 15_000, seed)).collect::<Vec<Shot>>();
     let (physical, letter) = (shots(Model::Physical), shots(Model::Hura2006));
     let met = physical[0].energy.denominator() / physical[0].traced as f64 / area;
     agrees("physical", per_photon(physical.iter().map(power).collect()), 1.0);
@@ -64,7 +64,7 @@ fn trap_12_the_thesis_s_medium_is_no_cloud() {
         let scene = layer(100.0, albedo, g);
         flux(&scene, &Plan::for_scene(&scene, Density::Source), photons, 12, &Silent).unwrap()
     };
-    let (thesis, cumulus) = (run(0.8, 0.9, 200_000), run(0.9999, 0.86, 20_000));
+    let (thesis, cumulus) = (run(0.8, 0.9, 100_000), run(0.9999, 0.86, 10_000));
     printed("thesis up", thesis.up, 0.029, 1e-3);
     printed("cumulus up", cumulus.up, 0.877, 1e-3);
     printed("thesis scatterings", thesis.mean_scatterings, 3.88, 0.01);
