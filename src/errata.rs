@@ -90,7 +90,7 @@
 //! Eq. 25 multiplies a photon's power by e^-tau of the way that it has flown. But eq. 17 has drawn that way so that fewer photons
 //! come far: 3.2.1 itself says that this "eliminates the need to reduce the power". With tau exponential the mean of e^-tau is 1/2:
 //! each flight loses half. Where nothing escapes, with albedo 0.8, 5/6 of all light is lost in that way and 1/6 absorbed. In a
-//! sphere of the thesis's medium, six free paths in radius:
+//! sphere of the thesis's medium, six free paths in radius (the thesis tells no radii):
 //!
 //! | | lost ([`Fate::Attenuated`]) | absorbed | escaped |
 //! | --- | --- | --- | --- |
@@ -174,7 +174,7 @@
 //!
 //! | distance, radii | 1 (overcast) | 2 | 10 |
 //! | --- | --- | --- | --- |
-//! | irradiance, W m^-2 | 3.142 | 0.785 | 0.031 |
+//! | irradiance, W m^-2 | pi | 0.785 | 0.031 |
 //! | case 2 | 1 | 1 | 1 |
 //!
 //! A third of it, 1.3 times, 32 times; and surfaces beside the shadow get none. Physical: the sun's irradiance times the transmittance;
