@@ -29,6 +29,7 @@
 //! | [`export`] | voxels, OpenVDB grids, regions as glTF, pictures, the report |
 //! | [`vdb`] | OpenVDB behind a safe interface; the only unsafe code is its bridge |
 //! | [`cli`] | arguments, progress, signals, exit codes |
+//! | [`errata`] | no code: where the thesis is wrong, what it costs, and the experiments that show it |
 //!
 //! The core (everything but `import`, `export`, `vdb`, `pipeline` and `cli`) opens no file and prints nothing; it tells
 //! how far it is, and learns that it should stop, by [`progress::Progress`].
@@ -64,6 +65,7 @@
 
 pub mod bvh;
 pub mod cli;
+pub mod errata;
 pub mod error;
 pub mod export;
 pub mod film;
