@@ -12,6 +12,8 @@ import bpy
 from mathutils import Vector
 
 HERE = os.path.dirname(os.path.abspath(__file__))
+# Metres, fitted to the thesis's counts (hura2006.md): the radius of every ball of the tests, the width of the cumulus.
+HURA_RADIUS, HURA_CUMULUS = 6.5, 30.5
 
 
 def start():
@@ -54,8 +56,8 @@ def sun(elevation, azimuth, strength, angle=None):
     return thing
 
 
-def camera(position, target, fov):
-    """A camera with a horizontal angle of view of `fov` degrees, which becomes the scene's."""
+def camera(position, target, fov, size=(640, 480)):
+    """A camera with a horizontal angle of view of `fov` degrees, which becomes the scene's, for pictures of `size` pixels."""
     lens = bpy.data.cameras.new("Camera")
     lens.sensor_fit, lens.angle = "HORIZONTAL", math.radians(fov)
     distance = (Vector(target) - Vector(position)).length
@@ -65,7 +67,7 @@ def camera(position, target, fov):
     thing.rotation_euler = (Vector(target) - Vector(position)).to_track_quat("-Z", "Y").to_euler()
     bpy.context.scene.camera = thing
     render = bpy.context.scene.render
-    render.resolution_x, render.resolution_y = 640, 480
+    render.resolution_x, render.resolution_y = size
 
 
 def ground(size, z, grey):
@@ -106,8 +108,8 @@ def write(name):
     print(f"{path}: {os.path.getsize(path)} bytes")
 
 
-def cumulus_layout():
-    """21 balls, metres: six on a flat base, nine around the middle, six billows on top; 900 m across."""
+def cumulus_layout(width, base):
+    """21 balls: six on a flat base at the height `base`, nine around the middle, six billows on top; `width` across; metres."""
     rng = random.Random(2006)
     balls = []
 
@@ -127,14 +129,13 @@ def cumulus_layout():
     balls.append(((25.0, 10.0, 470.0), 90.0))
     assert len(balls) == 21
     low, high = (f(x + s * r for (x, _, _), r in balls) for f, s in ((min, -1), (max, 1)))
-    scale, middle = 900.0 / (high - low), (high + low) / 2
-    base = 350.0
+    scale, middle = width / (high - low), (high + low) / 2
     return [(((x - middle) * scale, y * scale, base + z * scale), r * scale) for (x, y, z), r in balls]
 
 
 def cumulus():
     start()
-    balls = cumulus_layout()
+    balls = cumulus_layout(900.0, 350.0)
     # Optical depth 20 across the largest ball.
     sigma_t = 20.0 / (2.0 * max(r for _, r in balls))
     albedo = 0.9999
@@ -160,6 +161,34 @@ def two_spheres():
     write("two_spheres")
 
 
+def hura2006(count):
+    """Table 2 of the thesis: one, two or three balls in a row above a plane, none in another's light."""
+    start()
+    mesh = ball_mesh("Ball")
+    mesh.materials.append(cloud_material("Cloud", "hura2006"))
+    for i in range(count):
+        sphere(f"Cloud.{i + 1:03}", mesh, (16.0 * (i - 0.5 * (count - 1)), 0.0, 12.0), HURA_RADIUS)
+    ground(80.0, 0.0, 0.5)
+    # From behind, where a medium that scatters forward is bright; shadows fall before the balls.
+    sun(50.0, 80.0, 3.0)
+    away = 24.0 + 16.0 * count
+    camera((0.0, -away, 12.0 + 0.25 * away), (0.0, -4.0, 7.0), 50.0, (100, 100))
+    write(f"hura2006_{count}")
+
+
+def hura2006_cumulus():
+    """The 21 regions of the thesis's 4.2, in its medium: the balls of `cumulus`, so small that the duality makes 256 of them."""
+    start()
+    mesh = ball_mesh("Ball")
+    mesh.materials.append(cloud_material("Cloud", "hura2006"))
+    for i, (centre, radius) in enumerate(cumulus_layout(HURA_CUMULUS, 0.4 * HURA_CUMULUS)):
+        sphere(f"Cloud.{i + 1:03}", mesh, centre, radius)
+    ground(9.0 * HURA_CUMULUS, 0.0, 0.3)
+    sun(45.0, 60.0, 3.0)
+    camera((-0.17 * HURA_CUMULUS, -2.3 * HURA_CUMULUS, 0.5 * HURA_CUMULUS), (0.0, 0.0, 0.62 * HURA_CUMULUS), 38.0)
+    write("hura2006_cumulus")
+
+
 def slab():
     """A stratus deck: an empty object with extras; 8 optical depths, which the tables of the tests have."""
     start()
@@ -175,3 +204,6 @@ if __name__ == "__main__":
     cumulus()
     two_spheres()
     slab()
+    for balls in (1, 2, 3):
+        hura2006(balls)
+    hura2006_cumulus()
