@@ -24,8 +24,6 @@ stage_layout(**given["stage"])
 arrays["images"], out["seconds"] = shots(given["width"], given["height"], given["samples"], given["seeds"], given["bounces"],
                                          given["step_rate"])
 """
-# The layouts' cameras are 4:3.
-WIDTH, HEIGHT = 64, 48
 BLOCK = 8
 # Noise of one size but with other tails is seen as a difference: 1 to 5 % of the floor where pictures are equal otherwise.
 SHAPE = 0.05
@@ -38,7 +36,12 @@ class Run:
     folder: pathlib.Path
     report: object
     layers: dict            # of that picture
-    seeds: np.ndarray       # pictures of the same regions, as noisy as one of Cycles
+    seeds: np.ndarray       # pictures of the same regions, about as noisy as one of Cycles
+
+    @property
+    def size(self):
+        """(width, height)"""
+        return self.layers["Combined"].shape[1::-1]
 
     @property
     def picture(self):
@@ -59,10 +62,10 @@ class Run:
         return ztest.rim(self.picture) & (ztest.grey(self.layers["Surface"]) > 0.0)
 
 
-def synthesise(scene, folder, integrator, samples, noisy, photons="100k", options=(), seeds=6):
+def synthesise(scene, folder, integrator, samples, noisy, size, options=(), photons="100k", seeds=4):
     """Regions, grid and picture in one run. Then its regions again for each of the `seeds`, with `noisy` samples."""
     folder = pathlib.Path(folder)
-    seen = ("--integrator", integrator, "--size", f"{WIDTH}x{HEIGHT}")
+    seen = ("--integrator", integrator, "--size", "{}x{}".format(*size))
     report = command.make(scene, folder, "--photons", photons, "--seed", 1, "--spp", samples, *seen, *options,
                           outputs=("out.vdb", "regions.glb", "ours.exr"), timeout=1200)
     noisy_ones = []
@@ -73,12 +76,12 @@ def synthesise(scene, folder, integrator, samples, noisy, photons="100k", option
     return Run(pathlib.Path(scene), folder, report, peers.read_exr(folder / "ours.exr"), np.array(noisy_ones))
 
 
-def cycles(run, samples, seeds=8, step_rate=1.0, vdb=None, denser=1.0, moved=0.0):
-    """Cycles' pictures of the grid of `run`; or, on purpose, of another grid, `denser` or `moved` by voxels along x, y, z."""
+def cycles(run, samples, seeds=8, step_rate=1.0, denser=1.0, moved=0.0):
+    """Cycles' pictures of the grid of `run`; or, on purpose, of one `denser`, or `moved` by voxels along x, y and z."""
     albedo, g = run.medium()
-    stage = dict(path=str(run.scene), surfaces=run.report.became("surface"), vdb=str(vdb or run.folder / "out.vdb"),
+    stage = dict(path=str(run.scene), surfaces=run.report.became("surface"), vdb=str(run.folder / "out.vdb"),
                  voxel=run.report.voxel_size, density=run.report.density_scale * denser, albedo=albedo, g=g, moved=moved)
-    out = blender(CYCLES, timeout=3000, stage=stage, width=WIDTH, height=HEIGHT, samples=samples, seeds=list(range(seeds)),
+    out = blender(CYCLES, timeout=3000, stage=stage, width=run.size[0], height=run.size[1], samples=samples, seeds=list(range(seeds)),
                   bounces=peers.BOUNCES, step_rate=step_rate)
     return peers.Shots(out["arrays"]["images"], out["seconds"])
 
