@@ -19,7 +19,7 @@ INTEGRATORS = ["path"]
 
 @dataclasses.dataclass
 class Effort:
-    """Samples a pixel: of our picture; of each of ours as noisy as one of Cycles; of each of Cycles' eight."""
+    """Samples a pixel: of our picture; of each of ours as noisy as two of Cycles; of each of Cycles' eight."""
     ours: int
     noisy: int
     theirs: int
@@ -33,12 +33,12 @@ class Effort:
 
 FINE = ("--voxel-size", "0.12")
 SCENES = {
-    "two_spheres": Effort(128, 12, 8, (64, 48)),
-    "cumulus": Effort(96, 8, 8, (64, 48)),
-    "hura2006_1": Effort(512, 8, 16, (48, 48), FINE),
-    "hura2006_2": Effort(512, 8, 16, (48, 48), FINE),
-    "hura2006_3": Effort(512, 8, 16, (48, 48), FINE),
-    "hura2006_cumulus": Effort(160, 8, 8, (64, 48), FINE),
+    "two_spheres": Effort(96, 20, 8, (64, 48)),
+    "cumulus": Effort(80, 14, 8, (64, 48)),
+    "hura2006_1": Effort(512, 16, 16, (48, 48), FINE),
+    "hura2006_2": Effort(512, 16, 16, (48, 48), FINE),
+    "hura2006_3": Effort(512, 16, 16, (48, 48), FINE),
+    "hura2006_cumulus": Effort(128, 14, 8, (64, 48), FINE),
 }
 
 
@@ -74,7 +74,7 @@ def test_the_same_closely(cloudvdb, scenes, tmp_path, name, integrator):
 
 # Thin and even: little noise, and brightness nearly in proportion to density, so that small faults show. Where light is so, an edge
 # that is smeared has no more of it: a quarter of the tolerance will do.
-THIN = Effort(512, 16, 24, (48, 48), (*FINE, "--sigma-t", "0.1", "--albedo", "0.8", "-g", "0"), tolerance=0.005)
+THIN = Effort(512, 60, 20, (48, 48), (*FINE, "--sigma-t", "0.1", "--albedo", "0.8", "-g", "0"), tolerance=0.005)
 FAULTS = {"none": {}, "5 % denser": {"denser": 1.05}, "a voxel off": {"moved": 1.0}}
 
 
@@ -86,4 +86,6 @@ def thin(cloudvdb, scenes, tmp_path_factory):
 @pytest.mark.parametrize("fault", FAULTS)
 def test_faults_are_seen(thin, fault):
     found = judged(thin, f"thin, {fault}", THIN, step_rate=2.0, **FAULTS[fault])
-    assert found.agree == (fault == "none"), found
+    # By Z scores and by FLIP.
+    wrong = fault != "none"
+    assert (not found.verdict.agree, found.seen) == (wrong, wrong), found
