@@ -4,8 +4,8 @@ One run writes both, so there is nothing between them but the voxels and the ren
 noise is measured: voxels smear a region's edge, so a ball catches some light that passed beside it. By our own integrator, the
 grid of a ball of radius 6 m (sigma_t 1 per m, albedo 0.8) has 11, 4.6, 1.6 and 0.6 % more light from the medium than its
 regions have, with voxels of 0.47, 0.23, 0.12 and 0.06 m. So these scenes have voxels of 0.12 m here, and 2 % are left to them.
-Cycles' marching adds nothing that 64 samples of 8 seeds show: its steps are a voxel, at most half an optical depth but where
-regions overlap.
+Cycles marches, in steps of a voxel, at most half an optical depth where regions do not overlap. That adds nothing to be seen: on
+`cumulus` 256 samples of Cycles are 0.3 +- 0.6 % below ours, blocks of 8 pixels 3.7 % off where noise makes 3.5 %.
 """
 import dataclasses
 
@@ -56,7 +56,7 @@ def judged(run, name, effort, **how):
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("name", SCENES)
 def test_the_grid_in_cycles_is_our_picture(cloudvdb, scenes, tmp_path, name, integrator):
-    found = judged(made(scenes, name, tmp_path, integrator, SCENES[name]), name, SCENES[name])
+    found = judged(made(scenes, name, tmp_path, integrator, SCENES[name]), f"{name}-{integrator}", SCENES[name])
     assert found.agree, found
     # Noise must not hide all.
     assert found.verdict.error < 0.03, found
@@ -67,7 +67,7 @@ def test_the_grid_in_cycles_is_our_picture(cloudvdb, scenes, tmp_path, name, int
 @pytest.mark.parametrize("name", SCENES)
 def test_the_same_closely(cloudvdb, scenes, tmp_path, name, integrator):
     effort = SCENES[name].longer()
-    found = judged(made(scenes, name, tmp_path, integrator, effort), name, effort)
+    found = judged(made(scenes, name, tmp_path, integrator, effort), f"{name}-{integrator}-closely", effort)
     assert found.agree, found
     assert found.verdict.error < 0.01, found
 
