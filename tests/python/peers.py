@@ -61,7 +61,9 @@ def grid(path, values, voxel, origin, sigma=25.0, albedo=0.999, g=0.85):
 # ------------------------------------------------------------------------------------------------------------- Cycles
 
 CYCLES = """
-arrays["images"], out["seconds"] = shots(given["scene"], given["samples"], given["seeds"], given["bounces"], given["step_rate"])
+stage(given["scene"])
+arrays["images"], out["seconds"] = shots(given["scene"]["width"], given["scene"]["height"], given["samples"], given["seeds"],
+                                         given["bounces"], given["step_rate"])
 out["version"] = bpy.app.version_string
 """
 

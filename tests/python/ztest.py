@@ -299,11 +299,11 @@ def png(path, rgb):
                                    + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b""))
 
 
-def _large(image, least=384):
+def enlarged(image, least=384):
     return image.repeat(max(1, least // image.shape[1]), axis=0).repeat(max(1, least // image.shape[1]), axis=1)
 
 
-def _signed(x):
+def signed(x):
     """Red above, blue below, white at 0."""
     x = np.clip(np.nan_to_num(x), -1, 1)[..., None]
     return np.where(x > 0, 1 - x * [0.15, 0.85, 0.85], 1 + x * [0.85, 0.6, 0.15])
@@ -318,13 +318,13 @@ def dump(ours, theirs, maps, name, folder=None):
     for label, picture in (("ours", ours), ("theirs", theirs)):
         np.save(folder / f"{label}.npy", picture.mean)
         np.save(folder / f"{label}_variance.npy", picture.variance)
-        png(folder / f"{label}.png", _large(np.clip(picture.mean / top, 0, 1)[..., None].repeat(3, axis=2) ** (1 / 2.2)))
+        png(folder / f"{label}.png", enlarged(np.clip(picture.mean / top, 0, 1)[..., None].repeat(3, axis=2) ** (1 / 2.2)))
     np.save(folder / "difference.npy", ours.mean - theirs.mean)
-    png(folder / "difference.png", _large(_signed((ours.mean - theirs.mean) / (0.2 * top))))
+    png(folder / "difference.png", enlarged(signed((ours.mean - theirs.mean) / (0.2 * top))))
     for size, z in maps.items():
         p = np.vectorize(normal_tail)(z)
         np.save(folder / f"z_{size}.npy", z)
         np.save(folder / f"p_{size}.npy", p)
         # Colour is -log10 p with the sign of the difference: full at 1e-6.
-        png(folder / f"p_{size}.png", _large(_signed(np.sign(z) * -np.log10(np.maximum(p, 1e-300)) / 6)))
+        png(folder / f"p_{size}.png", enlarged(signed(np.sign(z) * -np.log10(np.maximum(p, 1e-300)) / 6)))
     return folder

@@ -171,11 +171,17 @@ def stage(described):
         thing.scale = (ball["radius"] * (4 / 3 * math.pi / volume) ** (1 / 3),) * 3
         principled(thing, ball["sigma"], ball["albedo"], anisotropy=ball["g"])
     if described.get("vdb"):
-        volume = import_volume(described["vdb"])
-        volume.data.render.precision = "FULL"
-        # Blender 4.5 takes OpenVDB's samples for the lower corners of voxels.
-        volume.location = (-described["voxel"] * shift(),) * 3
-        principled(volume, described["sigma"], described["albedo"], anisotropy=described["g"])
+        place(described["vdb"], described["voxel"], described["sigma"], described["albedo"], described["g"])
+
+
+def place(vdb, voxel, density, albedo, g):
+    """A grid where OpenVDB says that it is, with its samples as they are."""
+    volume = import_volume(vdb)
+    volume.data.render.precision = "FULL"
+    # Blender 4.5 takes OpenVDB's samples for the lower corners of voxels.
+    volume.location = (-voxel * shift(),) * 3
+    principled(volume, density, albedo, anisotropy=g)
+    return volume
 
 
 def shift():
@@ -193,10 +199,9 @@ def _volume(mesh):
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
-def shots(described, samples, seeds, bounces, step_rate):
-    """Pictures of a described scene, one for each seed, and the seconds of each."""
-    stage(described)
-    scene = settings(described["width"], described["height"], samples, bounces, step_rate)
+def shots(width, height, samples, seeds, bounces, step_rate):
+    """Pictures of the scene as it is staged, one for each seed, and the seconds of each."""
+    scene = settings(width, height, samples, bounces, step_rate)
     cycles = scene.cycles
     # Shadow rays pass the hulls of volumes as transparent hits; nothing is dropped for being faint.
     cycles.transparent_max_bounces, cycles.light_sampling_threshold = 1024, 0.0
