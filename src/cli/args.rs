@@ -322,8 +322,7 @@ mod tests {
         assert_eq!(job(&["--density", "duality"]).unwrap().density, Density::Duality);
         let glb = Arguments::try_parse_from(["cloudvdb", "in.glb", "--json"]).unwrap().run.job().unwrap();
         assert_eq!(glb.density, Density::Duality);
-        for wrong in
-            [["--spp", "0"], ["--spp", "5G"], ["--exposure", "nan"], ["--size", "0x0"], ["--fov", "180"], ["--integrator", "grid"]]
+        for wrong in [["--spp", "0"], ["--spp", "5G"], ["--exposure", "nan"], ["--size", "0x0"], ["--fov", "180"], ["--integrator", "grid"]]
         {
             assert!(job(&wrong).is_err(), "{wrong:?}");
         }

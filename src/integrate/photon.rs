@@ -133,7 +133,13 @@ impl PhotonTracer {
     ///
     /// # Errors
     /// [`Error::Interrupted`].
-    pub(super) fn new(scene: &Scene, plan: &Plan, settings: &RenderSettings, pass1: Option<PhotonMap>, progress: &dyn Progress) -> Result<Self> {
+    pub(super) fn new(
+        scene: &Scene,
+        plan: &Plan,
+        settings: &RenderSettings,
+        pass1: Option<PhotonMap>,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let (seed, settings) = (settings.seed, settings.photon);
         let mut lighting = Lighting::default();
         let mut channels = Vec::new();
@@ -158,7 +164,15 @@ impl PhotonTracer {
                 Light::Nearest(gather) => gather.estimate(),
                 Light::Discs(discs) => discs.estimate(),
             };
-            channels.push(Channel { number: channels.len(), tracer, light, model: settings.model, shadow_rays: settings.shadow_rays.max(1), mask: *mask, tint: *tint });
+            channels.push(Channel {
+                number: channels.len(),
+                tracer,
+                light,
+                model: settings.model,
+                shadow_rays: settings.shadow_rays.max(1),
+                mask: *mask,
+                tint: *tint,
+            });
         }
         let origin = channels[0].tracer.origin;
         Ok(PhotonTracer { channels, slice: -(-settings.step).exp_m1(), origin, lighting })
@@ -189,7 +203,14 @@ fn channels_of(scene: &Scene, model: Model) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)>
 }
 
 /// Pass 2's own photons; `None` where no light finds a region.
-fn traced(scene: &Scene, tracer: &Tracer, wanted: u64, seed: u64, progress: &dyn Progress, lighting: &mut Lighting) -> Result<Option<PhotonMap>> {
+fn traced(
+    scene: &Scene,
+    tracer: &Tracer,
+    wanted: u64,
+    seed: u64,
+    progress: &dyn Progress,
+    lighting: &mut Lighting,
+) -> Result<Option<PhotonMap>> {
     if !scene.sun.shines() || scene.regions.is_empty() {
         return Ok(None);
     }
@@ -248,7 +269,8 @@ impl Channel {
             let p = hit.off(&ray);
             for _ in 0..self.shadow_rays {
                 let share = throughput / self.shadow_rays as f32;
-                arrival.light[layer as usize] += share * tracer.sun.on_surface(&tracer.bands[0], &tracer.surfaces, p, &hit, rng, &mut room.scratch);
+                arrival.light[layer as usize] +=
+                    share * tracer.sun.on_surface(&tracer.bands[0], &tracer.surfaces, p, &hit, rng, &mut room.scratch);
                 if self.model == Model::Hura2006 {
                     self.case2(&hit, p, share, slice, &mut arrival, rng, room);
                 }

@@ -90,7 +90,10 @@ impl PhotonMap {
         for photon in &mut photons {
             photon.position = (Vec3::from_array(photon.position) + shift).to_array();
         }
-        let (min, max) = photons.iter().map(|p| Vec3::from_array(p.position)).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+        let (min, max) = photons
+            .iter()
+            .map(|p| Vec3::from_array(p.position))
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
         let cells = 1023.999 / (max - min).max(Vec3::splat(f32::MIN_POSITIVE));
         let key = |p: &Photon| {
             let position = Vec3::from_array(p.position);
@@ -140,6 +143,10 @@ impl PhotonTree {
     /// Calls `visit(squared distance, number of the photon)` for every photon within `radius` metres of `centre`.
     #[inline]
     pub fn within(&self, centre: Vec3, radius: f32, mut visit: impl FnMut(f32, u32)) {
-        self.0.query(&centre.to_array()).within::<SquaredEuclidean<f32>>(radius * radius).unsorted().visit(|hit| visit(hit.distance, hit.item));
+        self.0
+            .query(&centre.to_array())
+            .within::<SquaredEuclidean<f32>>(radius * radius)
+            .unsorted()
+            .visit(|hit| visit(hit.distance, hit.item));
     }
 }

@@ -140,7 +140,9 @@ fn check_photons(job: &Job, scene: &Scene) -> Result<()> {
     let mixed = endless.is_some() && !scene.regions.iter().all(|r| r.shape.is_endless());
     if mixed {
         let who = name(endless);
-        return usage(format!("{who} goes on without end, and photons are stored within its tile only: beside other regions use --integrator path"));
+        return usage(format!(
+            "{who} goes on without end, and photons are stored within its tile only: beside other regions use --integrator path"
+        ));
     }
     let odd = scene.regions.iter().find(|r| r.shape.is_endless() || matches!(r.shape, Shape::Grid(_)));
     if beam && odd.is_some() {

@@ -49,10 +49,8 @@ fn shapes() -> Vec<Scene> {
 
 fn map_of(origin: DVec3, photons: impl IntoIterator<Item = (u32, DVec3)>) -> PhotonMap {
     let mut map = PhotonMap::new(origin, 0);
-    let photons: Vec<Photon> = photons
-        .into_iter()
-        .map(|(region, p)| Photon::new((p - origin).as_vec3(), glam::Vec3::Z, 1.0, region, 0))
-        .collect();
+    let photons: Vec<Photon> =
+        photons.into_iter().map(|(region, p)| Photon::new((p - origin).as_vec3(), glam::Vec3::Z, 1.0, region, 0)).collect();
     map.extend(&photons);
     map.finish(1.0);
     map

@@ -66,7 +66,7 @@ fn trap_07_so_does_the_duality_in_the_middle_of_a_large_sphere() {
     let runs = (0..32).map(|seed| {
         let mut rng = random(700 + seed);
         let mut map = PhotonMap::new(DVec3::ZERO, 0);
-        let photon = |p: DVec3| Photon { position: p.as_vec3().to_array(), direction: 0, power: 1.0, region: 0 };
+        let photon = |p: DVec3| Photon::new(p.as_vec3(), glam::Vec3::Z, 1.0, 0, 0);
         map.extend(&(0..20_000).map(|_| photon(24.0 * in_ball(&mut rng))).collect::<Vec<_>>());
         map.finish(1.0);
         let balls = balls(&duality(&scene, &map, 1, seed));

@@ -95,7 +95,17 @@ impl Channel {
 
     /// What scatters toward the ray's start at one point of it, in one region.
     #[allow(clippy::too_many_arguments)]
-    fn collision(&self, ray: &Ray, distance: f32, region: u32, weight: f64, slice: usize, out: &mut Stretch, rng: &mut Rng, room: &mut Room) {
+    fn collision(
+        &self,
+        ray: &Ray,
+        distance: f32,
+        region: u32,
+        weight: f64,
+        slice: usize,
+        out: &mut Stretch,
+        rng: &mut Rng,
+        room: &mut Room,
+    ) {
         let (tracer, band) = (&self.tracer, &self.tracer.bands[0]);
         let (albedo, g) = band.optics[region as usize];
         let here = Ray { origin: ray.at(distance), direction: ray.direction };
