@@ -82,7 +82,8 @@
 //! | (n - 1) / ball | 0.5 | 0.828 | 1.000 |
 //! | (n - 1) / the ball's part inside | 1 | 1 | 1 |
 //!
-//! Physical: n - 1 photons over the part of the ball that is in the medium, and a least radius. Tests:
+//! Physical: n - 1 photons over the optical mass that the ball holds ([`Media::mass_within`](crate::media::Media::mass_within)), and a
+//! least radius. Tests:
 //! `trap_04_n_over_the_ball_is_too_much_by_n_over_n_less_one`, `trap_04_the_ball_is_half_empty_at_a_boundary`.
 //!
 //! # 5. Attenuated twice
@@ -148,7 +149,8 @@
 //! | --- | --- | --- | --- | --- |
 //! | eq. 28 / truth | 1.010 | 1.051 | 1.271 | 1.582 |
 //!
-//! Physical: (1 - e^(-sigma dx)) / sigma in the place of dx, exact for a constant source at any step. Test:
+//! Neither model has this error, as the text names no step: a point is drawn in each slice of the chance of a collision, which is
+//! eq. 31 in the limit of short steps, whatever `--step` says. Test:
 //! `trap_09_a_step_of_the_first_order_is_too_bright`.
 //!
 //! # 10. Photons counted twice
@@ -164,8 +166,9 @@
 //! | 0.5 | 2 | 1.443 | 1 |
 //! | 5 | 2 | 1.007 | |
 //!
-//! Physical: one march through all regions in order, with the sum of their extinctions. Test:
-//! `trap_10_recursion_counts_photons_twice_where_regions_overlap`.
+//! Physical: one march through all regions in order, with the sum of their extinctions. Tests:
+//! `trap_10_recursion_counts_photons_twice_where_regions_overlap`; of the renderer itself,
+//! `to_the_letter_a_coincident_region_is_lit_twice`.
 //!
 //! # 11. Radiance added to irradiance
 //!
@@ -178,7 +181,7 @@
 //! | case 2 | 1 | 1 | 1 |
 //!
 //! A third of it, 1.3 times, 32 times; and surfaces beside the shadow get none. Physical: the sun's irradiance times the transmittance;
-//! what clouds scatter onto a surface is an integral over directions. Test: `trap_11_radiance_is_no_irradiance`.
+//! what clouds scatter onto a surface is an integral over directions, drawn one at a time. Test: `trap_11_radiance_is_no_irradiance`.
 //!
 //! # 12. A medium that is no cloud
 //!

@@ -24,7 +24,7 @@
 //! | [`media`] | the regions as rays see them: free flights and optical depths, in closed form and through voxels |
 //! | [`photon`] | pass 1: photons leave the sun, scatter, and are stored |
 //! | [`regions`] | the duality: new regions out of stored photons |
-//! | [`integrate`] | what a camera sees of a scene, by unbiased path tracing; where the energy goes |
+//! | [`integrate`] | what a camera sees of a scene: by unbiased path tracing, or by the thesis's pass 2; where the energy goes |
 //! | [`film`] | what each pixel receives, by the way it came, with its standard error |
 //! | [`export`] | voxels, OpenVDB grids, regions as glTF, pictures, the report |
 //! | [`vdb`] | OpenVDB behind a safe interface; the only unsafe code is its bridge |
@@ -47,13 +47,17 @@
 //! | 17 | the distance to the next collision | [`rng::Rng::optical_depth`], spent by [`media::Media::fly`]; with its ln 0 in `Rules for Hura2006` |
 //! | 18 | roulette: scattered or absorbed | [`photon::Tracer::fill`] (its private `path`) |
 //! | 19 | the angle of scattering | [`scene::phase::sample_henyey_greenstein`]; to the letter [`scene::phase::sample_eq19`] |
+//! | 20 to 23, 30 | the volume radiance estimate: n nearest photons over their ball | private: `integrate::photon::gather::Gather::scattered`, over [`photon::Nearest`] |
+//! | 24 | single and multiple scattering apart | the two halves of `integrate::photon::march`: sunlight that scattered once is looked at, the rest is stored |
 //! | 25 | attenuation of a photon in flight | `Rules::attenuation`: 1 in the physical model, which has spent it by eq. 17 |
 //! | 26 | diffuse reflection off a surface | [`sampling::cosine_hemisphere`] |
 //! | 27 | new regions up to the old one's volume | [`regions::synthesise`] |
+//! | 28, 29, 31 | marching through regions | `integrate::photon::march`, in the limit of short steps: no bias by the step |
 //!
-//! Equations 20 to 24 and 28 to 31 belong to the thesis's pass 2, which is not there yet; pictures are made by the reference
-//! integrator, which follows light itself and not the thesis. Of the phase functions only
-//! eq. 7 is used: eqs 5 and 6 are not normalised in the thesis, and eq. 5 is eq. 7 at g = 0.
+//! The same in pass 2: the models differ in what lights the regions, in how an estimate is normed, and in how a ray crosses
+//! regions that overlap ([`integrate::photon`]). Each trap of the text has its figures in [`errata`]. The reference integrator
+//! follows light itself and not the thesis. Of the phase functions only eq. 7 is used: eqs 5 and 6 are not normalised in the
+//! thesis, and eq. 5 is eq. 7 at g = 0.
 //!
 //! # Conventions
 //!

@@ -16,14 +16,14 @@ use super::tile::{Arrival, Layer, Transport};
 use crate::error::{Error, Result};
 use crate::geom::Ray;
 use crate::media::{Media, Scratch};
-use crate::photon::{Model, Photon, PhotonMap, Tracer};
+use crate::photon::{Model, Neighbourhood, Photon, PhotonMap, Tracer};
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
 use crate::scene::{Medium, Region, Scene, Surface};
 use beam::Discs;
-use gather::{Gather, Neighbourhood};
+use gather::Gather;
 use glam::{DVec3, Vec3};
 use std::borrow::Cow;
 
@@ -253,8 +253,10 @@ impl Channel {
                 *sum += throughput * self.tint * group as f32;
             }
             if first {
-                let ahead = if hit.is_some() { stretch.clear } else { 0.0 };
-                arrival.depth = (stretch.depth + ahead * f64::from(end), 1.0 - stretch.clear + ahead);
+                arrival.depth = match hit {
+                    Some(hit) => (stretch.depth + stretch.clear * f64::from(hit.t), 1.0),
+                    None => (stretch.depth, 1.0 - stretch.clear),
+                };
             }
             throughput *= stretch.clear as f32;
             let Some(hit) = hit else {
@@ -334,3 +336,6 @@ impl Transport for PhotonTracer {
         &room.scratch
     }
 }
+
+#[cfg(test)]
+mod tests;

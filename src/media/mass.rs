@@ -68,3 +68,6 @@ fn ball_point(i: u32) -> Vec3 {
     let part = |a: f64| ((f64::from(i) + 0.5) * a).fract();
     crate::sampling::unit_ball([part(0.819_172_513_396_164_4), part(0.671_043_606_703_789_2), part(0.549_700_477_901_970_3)]).as_vec3()
 }
+
+#[cfg(test)]
+mod tests;

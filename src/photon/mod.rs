@@ -3,10 +3,12 @@
 mod aim;
 pub mod emit;
 pub mod map;
+pub mod nearest;
 mod rules;
 pub mod trace;
 
 pub use map::{PhotonMap, PhotonTree};
+pub use nearest::{Nearest, Neighbourhood};
 pub use trace::{Shot, Tracer};
 
 use glam::Vec3;

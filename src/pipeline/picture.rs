@@ -73,6 +73,9 @@ pub(super) fn take(
     let plan = Plan::for_scene(scene, Density::Source);
     let begun = Instant::now();
     let rendering = integrate::render(scene, &plan, &framed.camera, &settings, pass1, watch)?;
+    if integrator == Integrator::Photon && scene.sky.iter().any(|&c| c > 0.0) {
+        report.notes.push("the sky is seen, and lights surfaces, but stored photons come from the sun alone: its light is not scattered in regions; --integrator path scatters it".into());
+    }
     report.render = Some(Render::of(&settings, &rendering, begun.elapsed().as_secs_f64()));
     clock.end("render");
     Ok(rendering.film)

@@ -1,6 +1,7 @@
 //! What the report says about a picture.
 
 use super::duration;
+use crate::integrate::photon::Lighting;
 use crate::integrate::{Integrator, RenderSettings, Rendering};
 use serde::Serialize;
 
@@ -31,7 +32,9 @@ pub struct Render {
     pub seconds: f64,
     /// Camera rays a second.
     pub samples_per_second: f64,
-    /// Samples a pixel that would halve `relative_error`.
+    /// The stored photons that lit it, where any did; what is blurred over the distances between them is in no error here.
+    pub photons: Option<Lighting>,
+    /// Samples a pixel that would halve `relative_error`; with stored photons, four times as many of those too, and in an estimate.
     pub spp_for_half: u64,
     /// About how many seconds that would take.
     pub seconds_for_half: f64,
@@ -53,6 +56,7 @@ impl Render {
             relative_error: rendering.film.relative_error().filter(|_| settings.spp > 1),
             seconds,
             samples_per_second: rendering.samples as f64 / seconds.max(1e-9),
+            photons: rendering.photons,
             // The error of independent samples falls as their root.
             spp_for_half: 4 * u64::from(settings.spp),
             seconds_for_half: 4.0 * seconds,
@@ -67,9 +71,13 @@ impl Render {
         };
         let known = self.relative_error.map_or(String::new(), |error| {
             let (spp, seconds) = (self.spp_for_half, duration(self.seconds_for_half));
-            format!("; a pixel is known to {:.2} %, and {spp} samples would halve that in about {seconds}", 100.0 * error)
+            let photons = self.photons.map_or(String::new(), |p| format!(", --photons {} and --estimate {}", 4 * p.stored, 4 * p.estimate));
+            format!("; a pixel is known to {:.2} %, and {spp} samples{photons} would halve that in about {seconds}", 100.0 * error)
+        });
+        let lit = self.photons.map_or(String::new(), |p| {
+            format!("lit by    {} stored photons, {} in an estimate; what they blur is not in the error\n", p.stored, p.estimate)
         });
         let (width, height, spp) = (self.width, self.height, self.spp);
-        format!("picture   {width} x {height}, {spp} samples a pixel, {:.3e} a second{known}{cut}\n", self.samples_per_second)
+        format!("picture   {width} x {height}, {spp} samples a pixel, {:.3e} a second{known}{cut}\n{lit}", self.samples_per_second)
     }
 }

@@ -2,12 +2,12 @@
 //! the ray finds all that it pierces.
 
 use super::Room;
-use super::gather::{Gather, Groups, Lobe, Neighbourhood};
+use super::gather::{Groups, Lobe};
 use crate::bvh::{Box3, Bvh};
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::media::Media;
-use crate::photon::{Model, Photon, unpack_direction};
+use crate::photon::{Nearest, Neighbourhood, Photon, unpack_direction};
 use crate::progress::Progress;
 use crate::rng::Rng;
 use glam::Vec3;
@@ -51,7 +51,7 @@ impl Discs {
     pub(super) fn new(mut photons: Vec<Photon>, estimate: u64, media: &Media, progress: &dyn Progress) -> Result<Self> {
         let estimate = estimate.clamp(1, (photons.len() as u64).max(1));
         let thin = estimate.div_ceil(PILOTS).max(1);
-        let pilots = Gather::new(photons.iter().step_by(thin as usize).copied().collect(), estimate.div_ceil(thin), Model::Physical, None);
+        let pilots = Nearest::new(photons.iter().step_by(thin as usize).copied().collect(), estimate.div_ceil(thin), None);
         progress.check()?;
         let blocks = photons.len().div_ceil(BLOCK);
         progress.begin("discs", blocks as u64);
@@ -116,11 +116,19 @@ impl Discs {
     }
 }
 
+#[cfg(test)]
+impl Discs {
+    /// Each photon with the radius of its disc.
+    pub(super) fn each(&self) -> impl Iterator<Item = (&Photon, f32)> {
+        self.photons.iter().enumerate().map(|(i, p)| (p, self.radii[i / BLOCK]))
+    }
+}
+
 /// The radius of a block's discs; its photons' powers are divided by the mean extinction within it, which says what of a disc lies
 /// outside of all regions, or where they overlap.
-fn radius(block: &mut [Photon], pilots: &Gather, media: &Media, hood: &mut Neighbourhood) -> f32 {
+fn radius(block: &mut [Photon], pilots: &Nearest, media: &Media, hood: &mut Neighbourhood) -> f32 {
     let middle = block.iter().map(|p| Vec3::from_array(p.position)).sum::<Vec3>() / block.len() as f32;
-    let radius = pilots.nearest(middle, hood).unwrap_or(0.0).max(pilots.floor());
+    let radius = pilots.find(middle, hood).unwrap_or(0.0);
     let volume = 4.0 / 3.0 * std::f64::consts::PI * f64::from(radius).powi(3);
     for photon in block {
         let mass = media.mass_within(Vec3::from_array(photon.position), radius);

@@ -1,0 +1,3 @@
+//! Pass 2 judged.
+
+mod basics;
