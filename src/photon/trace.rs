@@ -307,11 +307,13 @@ impl Tracer {
 
     /// A Lambertian bounce (thesis eq. 26). What goes toward the regions is a branch of its own, sampled over the cone of
     /// their bounding sphere, so that light from far ground arrives by many weak photons and not by a few strong ones; what
-    /// goes elsewhere is sampled over the hemisphere and dropped inside the cone. Returns how the latter goes on.
+    /// goes elsewhere is sampled over the hemisphere and dropped inside the cone. To the letter there is no such branch, as the
+    /// duality counts photons and not their power. Returns how the latter goes on.
     fn bounce(&self, at: &Branch, hit: &Hit, rng: &mut Rng, batch: &mut Batch, left: &mut SmallVec<[Branch; 8]>) -> Option<Branch> {
         let albedo = self.albedos[hit.owner as usize];
         let origin = hit.off(&at.ray);
-        let cone = self.emitter.aim().filter(|_| albedo > 0.0).and_then(|aim| aim.seen_from(origin));
+        let aimed = albedo > 0.0 && self.model == Model::Physical;
+        let cone = self.emitter.aim().filter(|_| aimed).and_then(|aim| aim.seen_from(origin));
         if let Some(cone) = &cone {
             let direction = cone.sample(rng);
             let cos = f64::from(direction.dot(hit.normal)).max(0.0);
