@@ -5,9 +5,7 @@
 //! set back before each test). The duality is repeated with other seeds, which tell how far a count scatters.
 
 use crate::error::{Error, Result};
-use crate::export::png;
 use crate::export::report::Render;
-use crate::export::staged::{Staged, write_bytes};
 use crate::film::Film;
 use crate::import::{self, ImportOptions};
 use crate::integrate::Integrator;
@@ -15,12 +13,14 @@ use crate::integrate::photon::Gathering;
 use crate::photon::Model;
 use crate::plan::Density;
 use crate::progress::Progress;
+use files::{Files, names};
 use one::{Given, How, count, take};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 use thesis::{CUMULUS, SIZE, TESTS, Test};
 
+mod files;
 mod one;
 mod savings;
 mod table;
@@ -106,9 +106,6 @@ pub struct Row {
     pub render: Render,
 }
 
-/// A picture to be written, with its name.
-type Picture = (String, Film);
-
 /// Runs the study; `told` hears of each line of the tables as it is known.
 ///
 /// # Errors
@@ -123,29 +120,29 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
     progress.begin("import", 1);
     let given = load(&job.inputs)?;
     let parts = chosen(job, &given)?;
-    let targets = Targets::of(job, &parts)?;
+    let files = Files::of(job, &parts)?;
     let mut findings = Findings { model: job.model, seed: job.seed, tests: Vec::new(), savings: Vec::new(), seconds: 0.0 };
     let mut pictures = Vec::new();
     for (part, given) in parts {
-        match part {
+        let films = match part {
             Part::Test(number) => {
-                let (row, picture) = test(&TESTS[usize::from(number) - 1], given, job, progress)?;
+                let (row, film) = test(&TESTS[usize::from(number) - 1], given, job, progress)?;
                 told(&table::row(&row));
                 findings.tests.push(row);
-                pictures.push(picture);
+                vec![film]
             }
             Part::Savings => {
                 let (savings, films) = savings::compare(given, job, progress)?;
                 told(table::savings(&savings).trim_end());
-                let names = ["source", "duality", "reference"].map(|name| format!("savings{}_{name}.png", savings.regions));
-                pictures.extend(names.into_iter().zip(films));
                 findings.savings.push(savings);
+                films.into()
             }
-        }
+        };
+        pictures.extend(names(part, given).into_iter().zip(films));
     }
     findings.seconds = begun.elapsed().as_secs_f64();
-    if let Some(targets) = targets {
-        targets.write(&findings, &pictures, progress)?;
+    if let Some(files) = files {
+        files.write(&findings, &pictures, progress)?;
     }
     Ok(findings)
 }
@@ -207,7 +204,7 @@ fn chosen<'a>(job: &Job, given: &'a [Given]) -> Result<Vec<(Part, &'a Given)>> {
 }
 
 /// One test.
-fn test(test: &Test, given: &Given, job: &Job, progress: &dyn Progress) -> Result<(Row, Picture)> {
+fn test(test: &Test, given: &Given, job: &Job, progress: &dyn Progress) -> Result<(Row, Film)> {
     let beams = test.number == CUMULUS && job.model == Model::Physical;
     let usual = if beams { Gathering::Beam } else { Gathering::March };
     let gather = job.gather.filter(|_| test.number == CUMULUS).unwrap_or(usual);
@@ -244,72 +241,5 @@ fn test(test: &Test, given: &Given, job: &Job, progress: &dyn Progress) -> Resul
         counts,
         render: taken.render,
     };
-    let name = if test.number == CUMULUS { "cumulus.png".into() } else { format!("test{}.png", test.number) };
-    Ok((row, (name, taken.film)))
-}
-
-/// The files of a study, all of them or none.
-struct Targets<'a>(&'a Path);
-
-/// The names of the tables.
-const TABLES: [&str; 3] = ["tests.csv", "savings.csv", "study.json"];
-
-impl<'a> Targets<'a> {
-    /// Looks at the folder before any work is done.
-    fn of(job: &'a Job, parts: &[(Part, &Given)]) -> Result<Option<Self>> {
-        let Some(folder) = &job.output else { return Ok(None) };
-        let wrong = |reason: &str, fix: &str| Err(Error::Write { target: folder.clone(), reason: reason.into(), fix: fix.into() });
-        if !folder.exists() {
-            let above = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            return if above.is_dir() { Ok(Some(Targets(folder))) } else { wrong("the folder above it is not there", "Make it first") };
-        }
-        if !folder.is_dir() {
-            return wrong("is a file, and a study is written into a folder", "Name a folder: -o study/");
-        }
-        let names = parts.iter().flat_map(|(part, given)| match part {
-            Part::Test(CUMULUS) => vec!["cumulus.png".into()],
-            Part::Test(number) => vec![format!("test{number}.png")],
-            Part::Savings => {
-                let regions = given.layout.scene.regions.len();
-                ["source", "duality", "reference"].map(|name| format!("savings{regions}_{name}.png")).into()
-            }
-        });
-        let files: Vec<PathBuf> = names.chain(TABLES.map(String::from)).map(|name| folder.join(name)).collect();
-        Staged::check(&files, job.overwrite)?;
-        Ok(Some(Targets(folder)))
-    }
-
-    fn write(&self, findings: &Findings, pictures: &[Picture], progress: &dyn Progress) -> Result<()> {
-        let folder = self.0;
-        let made = !folder.exists();
-        let failed = |e: std::io::Error| Error::Write {
-            target: folder.into(),
-            reason: format!("cannot be made ({e})"),
-            fix: "Check the permissions of the folder above it".into(),
-        };
-        if made {
-            std::fs::create_dir(folder).map_err(failed)?;
-        }
-        let written = self.stage(findings, pictures).and_then(|staged| {
-            progress.check()?;
-            staged.commit()
-        });
-        if made && written.is_err() {
-            // Only an empty folder goes.
-            let _ = std::fs::remove_dir(folder);
-        }
-        written
-    }
-
-    fn stage(&self, findings: &Findings, pictures: &[Picture]) -> Result<Staged> {
-        let mut staged = Staged::default();
-        for (name, film) in pictures {
-            staged.add(&self.0.join(name), |path| png::write(path, film, 0.0))?;
-        }
-        let tables = [findings.tests_csv(), findings.savings_csv(), findings.json() + "\n"];
-        for (name, text) in TABLES.iter().zip(tables) {
-            staged.add(&self.0.join(name), |path| write_bytes(path, text.as_bytes()))?;
-        }
-        Ok(staged)
-    }
+    Ok((row, taken.film))
 }
