@@ -28,10 +28,11 @@
 //! | [`film`] | what each pixel receives, by the way it came, with its standard error |
 //! | [`export`] | voxels, OpenVDB grids, regions as glTF, pictures, the report |
 //! | [`vdb`] | OpenVDB behind a safe interface; the only unsafe code is its bridge |
+//! | [`study`] | the thesis's evaluation again, its tables beside ours |
 //! | [`cli`] | arguments, progress, signals, exit codes |
 //! | [`errata`] | no code: where the thesis is wrong, what it costs, and the experiments that show it |
 //!
-//! The core (everything but `import`, `export`, `vdb`, `pipeline` and `cli`) opens no file and prints nothing; it tells
+//! The core (everything but `import`, `export`, `vdb`, `pipeline`, `study` and `cli`) opens no file and prints nothing; it tells
 //! how far it is, and learns that it should stop, by [`progress::Progress`].
 //!
 //! # From the thesis's equations to functions
@@ -86,6 +87,7 @@ pub mod rng;
 pub mod sampling;
 pub mod scene;
 pub mod stats;
+pub mod study;
 pub mod trimesh;
 pub mod vdb;
 

@@ -23,7 +23,7 @@ mod picture;
 
 pub use balance::{Balance, BalanceJob, balance};
 pub use format::{Format, check_scene, usual_density};
-pub use picture::Picture;
+pub use picture::{Picture, lit};
 
 /// One run: what to read, what to do, what to write.
 #[derive(Debug, Clone)]

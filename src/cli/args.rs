@@ -2,6 +2,7 @@
 
 use super::flux::FluxArguments;
 use super::scene::SceneArguments;
+use super::study::StudyArguments;
 use crate::error::Error;
 use crate::export::vdb::{GridName, VdbOptions};
 use crate::export::voxelise::Up;
@@ -36,7 +37,8 @@ const EXAMPLES: &str = "Examples:
   cloudvdb cloud.glb -o cloud.vdb -o cloud.png           and a picture of it
   cloudvdb smoke.vdb -o smoke.exr --sigma-t 25 --sun 1,0,-1
   cloudvdb flux cloud.glb                                where the light goes
-  cloudvdb plan cloud.glb                                which effects are simulated, and why";
+  cloudvdb plan cloud.glb                                which effects are simulated, and why
+  cloudvdb study --paper scenes/hura2006*.gltf           the thesis's tables again";
 
 /// What else the command can do.
 #[derive(Debug, Subcommand)]
@@ -45,6 +47,8 @@ pub enum Command {
     Plan(PlanArguments),
     /// Say where the light goes: up, down, absorbed
     Flux(FluxArguments),
+    /// Run the thesis's tests again, and print its tables beside ours
+    Study(StudyArguments),
     /// Print completions for a shell
     Completions {
         /// The shell

@@ -5,6 +5,7 @@ mod flux;
 mod progress;
 mod scene;
 mod signals;
+mod study;
 
 use crate::error::Error;
 use crate::export::report::plan_table;
@@ -25,6 +26,10 @@ pub fn main() -> u8 {
         Some(Command::Flux(arguments)) => {
             let style = arguments.progress;
             finish(flux::run(&arguments), style)
+        }
+        Some(Command::Study(arguments)) => {
+            let style = arguments.progress;
+            finish(study::run(&arguments), style)
         }
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();

@@ -148,7 +148,7 @@ fn field_of_view(text: &str) -> Result<Radians, String> {
     degrees.map(f64::to_radians).ok_or_else(|| format!("{text:?} is not an angle in degrees between 0 and 180"))
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
+pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     let side = |text: &str| text.trim().parse::<u32>().ok().filter(|n| (1..=LONGEST).contains(n));
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
     sides.ok_or_else(|| format!("{text:?} is not a size such as 640x360: width and height in pixels, each from 1 to {LONGEST}"))

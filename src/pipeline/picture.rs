@@ -42,7 +42,7 @@ impl Default for Picture {
 }
 
 /// The scene with the regions of the run in place of the layout's.
-pub(super) fn lit<'a>(scene: &'a Scene, written: &[Region], density: Density) -> Cow<'a, Scene> {
+pub fn lit<'a>(scene: &'a Scene, written: &[Region], density: Density) -> Cow<'a, Scene> {
     match density {
         Density::Source => Cow::Borrowed(scene),
         Density::Duality => Cow::Owned(Scene {

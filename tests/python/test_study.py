@@ -1,0 +1,179 @@
+"""`cloudvdb study --paper`: its figures against the main command's with the same seeds, its tables against each other, its manners."""
+import csv
+import json
+import statistics
+
+import pytest
+
+import gltf
+from command import SCENES, interrupt, listing, refuse, succeed
+
+ONE, TWO, THREE = (SCENES / f"hura2006_{n}.gltf" for n in (1, 2, 3))
+SEED, SEEDS = 70, 3
+# The thesis's tables 3 and 4: regions, photons, photons in an estimate, seconds, megabytes, regions created.
+THESIS = {"2": (2, 10_000, 100, 92, 22, 36), "3": (3, 10_000, 100, 617, 25, 55)}
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """Tests 2 and 3, the shortest, with the layouts and the tests in no order: what was printed, and the folder."""
+    folder = tmp_path_factory.mktemp("study") / "out"
+    ran = succeed("study", "--paper", THREE, ONE, TWO, "--tests", "3,2", "--seeds", SEEDS, "--seed", SEED, "--json", "-o", folder)
+    return json.loads(ran.out), folder, ran
+
+
+@pytest.fixture(scope="module")
+def savings(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("savings") / "out"
+    ran = succeed("study", "--paper", THREE, "--tests", "savings", "--seed", SEED, "--json", "-q", "-o", folder)
+    return json.loads(ran.out), folder, ran
+
+
+def picture(scene, target, *arguments):
+    ran = succeed(scene, "--integrator", "photon", "--spp", 4, "--shadow-rays", 4, "--size", "100x100", "--seed", SEED,
+                  "-o", target, "--json", "-q", *arguments)
+    return json.loads(ran.out), target.read_bytes()
+
+
+def rows(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+# ------------------------------------------------------------------------------------------------------------- figures
+
+def test_the_thesis_figures_stand_in_its_order(small):
+    found, _, ran = small
+    assert [test["test"] for test in found["tests"]] == ["2", "3"] and found["savings"] == [] and found["model"] == "hura2006"
+    for test in found["tests"]:
+        thesis = test["thesis"]
+        assert (test["regions"], test["photons"], test["estimate"], thesis["seconds"], thesis["megabytes"], thesis["made"]) \
+            == THESIS[test["test"]]
+    # A line for each as soon as it is known.
+    assert [line.split()[0] for line in ran.err.splitlines()] == ["2", "3"]
+
+
+def test_a_test_is_the_main_job_with_the_same_settings(small, tmp_path):
+    """The same regions, the same picture to the byte, and a memory that is the test's own and not its predecessors'."""
+    found, folder, _ = small
+    report, png = picture(THREE, tmp_path / "main.png", "--model", "hura2006", "--photons", "10k", "--estimate", 100)
+    test = found["tests"][1]
+    assert test["counts"][0] == report["regions"]["synthesised"]
+    assert png == (folder / "test3.png").read_bytes()
+    for name in ("collisions", "mean_radiance", "relative_error", "spp", "width", "height"):
+        assert test["render"][name] == report["render"][name], name
+    assert 0.5 * report["peak_memory"] < test["peak_memory"] < 2 * report["peak_memory"]
+
+
+def test_other_seeds_are_counted(small):
+    for test, scene in zip(small[0]["tests"], (TWO, THREE)):
+        counts = [json.loads(succeed(scene, "--model", "hura2006", "--photons", "10k", "--estimate", 100, "--seed", SEED + i,
+                                     "--json", "-q").out)["regions"]["synthesised"] for i in range(SEEDS)]
+        assert test["counts"] == counts
+        assert test["mean"] == pytest.approx(statistics.mean(counts)) and test["deviation"] == pytest.approx(statistics.stdev(counts))
+
+
+def test_tables_say_what_the_json_says(small):
+    found, folder, ran = small
+    for test, row, line in zip(found["tests"], rows(folder / "tests.csv"), ran.err.splitlines(), strict=True):
+        printed = line.split()
+        asked = [f"{test['regions']}", f"{test['photons']}", f"{test['estimate']}", f"{test['thesis']['seconds']:.0f}"]
+        assert printed[1:5] == asked and printed[6] == f"{test['thesis']['megabytes']:.0f}"
+        assert printed[8:] == [f"{test['thesis']['made']:.0f}", f"{test['mean']:.1f}", "+-", f"{test['deviation']:.1f}"]
+        assert [row["test"], row["regions"], row["photons"], row["estimate"]] == [test["test"], *asked[:3]]
+        assert float(row["seconds"]) == pytest.approx(test["seconds"], abs=1e-3)
+        assert float(row["created_mean"]) == test["mean"] and float(row["thesis_created"]) == test["thesis"]["made"]
+    assert json.loads((folder / "study.json").read_text()) == found
+
+
+def test_the_same_seed_gives_the_same_on_any_number_of_threads(small):
+    found, folder, ran = small
+    again = succeed("study", "--paper", THREE, "--tests", "3", "--seeds", SEEDS, "--seed", SEED, "-q", "--threads", 1,
+                    "-o", folder.parent / "again")
+    assert (folder / "test3.png").read_bytes() == (folder.parent / "again" / "test3.png").read_bytes()
+    # The table on stdout has the lines that stderr had before.
+    line, = [line.split() for line in again.out.splitlines() if line.startswith("3 ")]
+    before = ran.err.splitlines()[1].split()
+    assert line[:5] == before[:5] and line[8:] == before[8:] and not again.err
+
+
+def test_savings_are_those_of_the_main_job(savings, tmp_path):
+    found, folder, ran = savings
+    assert not ran.err
+    entry, = found["savings"]
+    settings = ("--photons", "100k", "--estimate", 500, "--density")
+    shown = {"source": picture(THREE, tmp_path / "source.png", *settings, "source"),
+             "duality": picture(THREE, tmp_path / "duality.png", *settings, "duality")}
+    for side, (report, png) in shown.items():
+        ours, render = entry[side], report["render"]
+        assert ours["queries"] == render["collisions"] and ours["relative_error"] == render["relative_error"]
+        assert ours["mean_difference"] == pytest.approx(render["mean_radiance"] / entry["reference"] - 1)
+        assert ours["queries_at_equal"] == pytest.approx(render["collisions"] * (render["relative_error"] / 0.1) ** 2)
+        assert png == (folder / f"savings3_{side}.png").read_bytes()
+    report = shown["duality"][0]
+    assert entry["duality"]["regions"] == report["regions"]["synthesised"] and entry["source"]["regions"] == 3
+    assert entry["source"]["sunlight"] == report["error"]["sunlight_through_layout"]
+    assert entry["duality"]["sunlight"] == report["error"]["sunlight_through_regions"]
+    assert [row["shown"] for row in rows(folder / "savings.csv")] == ["layout", "duality"]
+
+
+def test_savings_say_what_is_lost(savings):
+    """The layout's own picture is right within its noise; the duality's is not: it lets more sunlight through."""
+    entry, = savings[0]["savings"]
+    assert abs(entry["source"]["mean_difference"]) < 0.05
+    assert entry["duality"]["block_difference"] > 1.5 * entry["source"]["block_difference"]
+    assert entry["duality"]["sunlight"]["value"] > 2 * entry["source"]["sunlight"]["value"]
+
+
+def test_parts_are_refused_that_the_layouts_do_not_allow(tmp_path):
+    """A layout of more than three regions stands for the cumulus."""
+    nodes = [gltf.ball(f"Puff{i}", (4.0 * i, 0, 0), sigma_s=0.8, sigma_a=0.2, g=0.9) for i in range(4)]
+    scene = gltf.scene(tmp_path / "four.gltf", *nodes)
+    refuse("study", "--paper", scene, "--tests", "savings", code=2, says=["three regions"])
+    refuse("study", "--paper", scene, "--tests", "cumulus", "--gather", "beam", code=2, says=["no beams", "--model physical"])
+    refuse("study", "--paper", scene, "--tests", "1", code=2, says=["--tests 1", "none of the layouts"])
+
+
+# ------------------------------------------------------------------------------------------------------------- manners
+
+def test_bad_inputs_are_refused_in_words(tmp_path):
+    empty = gltf.scene(tmp_path / "empty.gltf", {"name": "Nothing"})
+    slab = SCENES / "slab.gltf"
+    twin = tmp_path / "twin.gltf"
+    twin.write_text(ONE.read_text())
+    for arguments, code, says in [
+        (("study", "--paper"), 2, ["LAYOUT"]),
+        (("study", ONE), 2, ["--paper"]),
+        (("study", "--paper", tmp_path / "none.gltf"), 1, ["none.gltf"]),
+        (("study", "--paper", empty), 1, ["empty.gltf"]),
+        (("study", "--paper", slab), 2, ["slab.gltf", "is no ball"]),
+        (("study", "--paper", ONE, twin), 2, ["twin.gltf", "hura2006_1.gltf", "one layout"]),
+        (("study", "--paper", ONE, "--tests", "10"), 2, ["10", "cumulus"]),
+        (("study", "--paper", ONE, "--tests", "1,x"), 2, ["x", "1 to 9"]),
+        (("study", "--paper", ONE, "--tests", "2"), 2, ["--tests 2", "hura2006*.gltf"]),
+        (("study", "--paper", ONE, "--seeds", "0"), 2, ["0"]),
+        (("study", "--paper", ONE, "--threads", "0"), 2, ["--threads"]),
+        (("study", "--paper", ONE, "--gather", "beam"), 2, ["no beams"]),
+    ]:
+        refuse(*arguments, code=code, says=says, folder=tmp_path)
+
+
+def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
+    quick = ("study", "--paper", THREE, "--tests", "3", "--seeds", 1, "-q")
+    folder, file = tmp_path / "out", tmp_path / "file"
+    file.write_text("")
+    refuse(*quick, "-o", file, says=["is a file"], folder=tmp_path)
+    refuse(*quick, "-o", tmp_path / "no" / "out", says=["not there"], folder=tmp_path)
+    folder.mkdir()
+    (folder / "tests.csv").write_text("mine")
+    refuse(*quick, "-o", folder, says=["tests.csv", "--overwrite"], folder=tmp_path)
+    assert interrupt("study", "--paper", ONE, "--tests", "7", "-o", tmp_path / "late", after=0.5)[0] == 130
+    assert not (tmp_path / "late").exists() and len(listing(tmp_path)) == 2
+    succeed(*quick, "-o", folder, "--overwrite")
+    assert sorted(path.name for path in folder.iterdir()) == ["savings.csv", "study.json", "test3.png", "tests.csv"]
+    assert [row["created_deviation"] for row in rows(folder / "tests.csv")] == [""]
+
+
+def test_too_thin_a_layout_says_so(tmp_path):
+    thin = gltf.scene(tmp_path / "thin.glb", *(gltf.ball(f"Puff{i}", (4.0 * i, 0, 0), sigma_s=1e-6, sigma_a=0.0, g=0) for i in range(3)))
+    refuse("study", "--paper", thin, "--tests", "3", says=["thin.glb"], folder=tmp_path)
