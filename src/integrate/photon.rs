@@ -74,7 +74,7 @@ pub struct Lighting {
 
 /// Neighbourhoods that a tile keeps of each channel.
 const HOODS: usize = 64;
-/// Light off a surface is marched by steps so much longer: it is a part of the picture only.
+/// Light off a surface, and on it, is marched by steps so much longer: it is a part of the picture only.
 const COARSER: f64 = 8.0;
 
 /// The scene, compiled for pass 2.
@@ -302,7 +302,7 @@ impl Channel {
         if cos <= 0.0 || tracer.surfaces.nearest(&ray, f32::INFINITY).is_some() {
             return;
         }
-        let stretch = self.march(&ray, f32::INFINITY, slice, rng, room);
+        let stretch = self.march(&ray, f32::INFINITY, slice * COARSER, rng, room);
         let share = share * (cos * std::f32::consts::FRAC_1_PI);
         arrival.light[Layer::Surface as usize] += share * (stretch.direct + stretch.groups.iter().sum::<f64>() as f32 * self.tint);
         for (sum, group) in arrival.groups.iter_mut().zip(stretch.groups) {

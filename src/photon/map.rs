@@ -118,35 +118,54 @@ fn interleave(p: Vec3) -> u32 {
     spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2
 }
 
-/// A k-d tree over the positions of some photons.
-pub struct PhotonTree(ImmutableKdTree<f32, 3>);
+/// Photons in one tree: what a tree takes while it is built stays small beside all that is stored.
+const TREE: usize = 1 << 20;
+
+/// k-d trees over the positions of some photons, of which each holds those that follow one another.
+pub struct PhotonTree(Vec<Part>);
+
+struct Part {
+    tree: ImmutableKdTree<f32, 3>,
+    min: Vec3,
+    max: Vec3,
+}
 
 impl std::fmt::Debug for PhotonTree {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple("PhotonTree").field(&self.0.size()).finish()
+        f.debug_list().entries(self.0.iter().map(|part| part.tree.size())).finish()
     }
 }
 
 impl PhotonTree {
-    /// Builds the tree. `None` where kiddo cannot (more points than it can number).
+    /// Builds the trees. `None` where kiddo cannot (more points than it can number).
     pub fn new(photons: &[Photon]) -> Option<Self> {
-        ImmutableKdTree::new_from_source(photons, |p: &Photon, axis| p.position[axis], |i, _| i as u32).ok().map(PhotonTree)
+        let one = |(number, photons): (usize, &[Photon])| {
+            let at = |p: &Photon| Vec3::from_array(p.position);
+            let (min, max) = photons.iter().map(at).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+            let first = u32::try_from(number * TREE).ok()?;
+            let tree = ImmutableKdTree::new_from_source(photons, |p: &Photon, axis| p.position[axis], |i, _| first + i as u32).ok()?;
+            Some(Part { tree, min, max })
+        };
+        photons.chunks(TREE).enumerate().map(one).collect::<Option<Vec<Part>>>().map(PhotonTree)
     }
 
     /// The number of photons within `radius` metres of `centre` (relative to the map's origin).
     pub fn count_within(&self, centre: Vec3, radius: f32) -> u64 {
         let mut count = 0;
-        self.0.query(&centre.to_array()).within::<SquaredEuclidean<f32>>(radius * radius).unsorted().visit(|_| count += 1);
+        self.within(centre, radius, |_, _| count += 1);
         count
     }
 
     /// Calls `visit(squared distance, number of the photon)` for every photon within `radius` metres of `centre`.
     #[inline]
     pub fn within(&self, centre: Vec3, radius: f32, mut visit: impl FnMut(f32, u32)) {
-        self.0
-            .query(&centre.to_array())
-            .within::<SquaredEuclidean<f32>>(radius * radius)
-            .unsorted()
-            .visit(|hit| visit(hit.distance, hit.item));
+        let query = centre.to_array();
+        // Only what rounding cannot bring within reach is passed over.
+        let reach = radius * radius * (1.0 + 8.0 * f32::EPSILON);
+        for Part { tree, min, max } in &self.0 {
+            if centre.distance_squared(centre.clamp(*min, *max)) <= reach {
+                tree.query(&query).within::<SquaredEuclidean<f32>>(radius * radius).unsorted().visit(|hit| visit(hit.distance, hit.item));
+            }
+        }
     }
 }

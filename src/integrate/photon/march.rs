@@ -80,12 +80,14 @@ impl Channel {
             let sigma_t = band.media.optics(region).sigma_t;
             let depth = sigma_t * (f64::from(exit) - f64::from(enter));
             let chance = -(-depth).exp_m1();
-            let slices = (chance / slice).ceil().max(1.0) as u32;
+            // Less light comes from behind, and fewer points do.
+            let slices = (out.clear * chance / slice).ceil().max(1.0) as u32;
             for i in 0..slices {
                 let xi = (f64::from(i) + rng.uniform()) / f64::from(slices);
                 let distance = f64::from(enter) - (-xi * chance).ln_1p() / sigma_t;
                 let weight = out.clear * chance / f64::from(slices);
-                self.collision(ray, distance as f32, region, weight, i as usize, &mut out, rng, room);
+                let number = out.gathered as usize;
+                self.collision(ray, distance as f32, region, weight, number, &mut out, rng, room);
             }
             out.clear *= (-depth).exp();
         }
