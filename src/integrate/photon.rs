@@ -34,7 +34,7 @@ pub enum Gathering {
     /// At points of the march, the n nearest (thesis eq. 31).
     #[default]
     March,
-    /// Along the whole ray, each photon a disc (the beam radiance estimate; Jarosz, Zwicker and Jensen 2008).
+    /// Along the whole ray, each photon a ball (the beam radiance estimate; Jarosz, Zwicker and Jensen 2008).
     Beam,
 }
 
