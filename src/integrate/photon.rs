@@ -334,3 +334,6 @@ impl Transport for PhotonTracer {
         &room.scratch
     }
 }
+
+#[cfg(test)]
+mod tests;
