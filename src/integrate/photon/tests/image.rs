@@ -144,7 +144,7 @@ fn sizes<const K: usize>(photons: [u64; K]) -> [(u64, u64); K] {
 #[test]
 fn pictures_become_the_path_tracer_s() {
     for gather in [Gathering::March, Gathering::Beam] {
-        converges("balls", &balls(), gather, (16, 4096), &sizes([3_000, 30_000, 200_000]));
+        converges("balls", &balls(), gather, (8, 2048), &sizes([3_000, 30_000, 200_000]));
     }
 }
 
