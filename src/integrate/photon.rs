@@ -22,7 +22,7 @@ use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
 use crate::scene::{Medium, Region, Scene, Surface};
-use beam::Discs;
+use beam::Beams;
 use gather::Gather;
 use glam::{DVec3, Vec3};
 use std::borrow::Cow;
@@ -34,7 +34,7 @@ pub enum Gathering {
     /// At points of the march, the n nearest (thesis eq. 31).
     #[default]
     March,
-    /// Along the whole ray, each photon a disc (the beam radiance estimate; Jarosz, Zwicker and Jensen 2008).
+    /// Along the whole ray, each photon a ball (the beam radiance estimate; Jarosz, Zwicker and Jensen 2008).
     Beam,
 }
 
@@ -105,7 +105,7 @@ struct Channel {
 #[derive(Debug)]
 enum Light {
     Nearest(Gather),
-    Discs(Discs),
+    Beams(Beams),
 }
 
 /// Room that a tile keeps from ray to ray.
@@ -158,11 +158,11 @@ impl PhotonTracer {
             let photons = if settings.model == Model::Physical { collisions(photons, &tracer.bands[0].media) } else { photons };
             let light = match settings.gather {
                 Gathering::March => Light::Nearest(Gather::new(photons, estimate, settings.model, pass2.tile())),
-                Gathering::Beam => Light::Discs(Discs::new(photons, estimate, &tracer.bands[0].media, progress)?),
+                Gathering::Beam => Light::Beams(Beams::new(photons, estimate, &tracer.bands[0].media, progress)?),
             };
             lighting.estimate = match &light {
                 Light::Nearest(gather) => gather.estimate(),
-                Light::Discs(discs) => discs.estimate(),
+                Light::Beams(beams) => beams.estimate(),
             };
             channels.push(Channel {
                 number: channels.len(),

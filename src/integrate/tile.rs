@@ -117,7 +117,7 @@ impl<Room> Tile<Room> {
         progress: &dyn Progress,
     ) {
         let (mut light, mut squares) = ([DVec3::ZERO; 4], DVec3::ZERO);
-        let mut groups = [DVec3::ZERO; GROUPS];
+        let mut photons = Photons::default();
         let (mut depth, mut events) = (0.0f64, 0.0f64);
         let (mut through, mut opaque) = (0.0f64, 0u32);
         for sample in 0..spp {
@@ -135,9 +135,7 @@ impl<Room> Tile<Room> {
                 *layer += arrived.as_dvec3();
                 sum += arrived.as_dvec3();
             }
-            for (group, arrived) in groups.iter_mut().zip(arrival.groups) {
-                *group += arrived.as_dvec3();
-            }
+            photons.add(&arrival.groups);
             let (far, chance) = arrival.depth;
             (depth, events) = (depth + f64::from(view.near) * chance + far * f64::from(view.cos), events + chance);
             self.collisions += arrival.collisions;
@@ -148,7 +146,8 @@ impl<Room> Tile<Room> {
         let rgb = |sum: DVec3| (sum / n).as_vec3().to_array();
         let mean = light.iter().copied().sum::<DVec3>() / n;
         let between_samples = (squares / n - mean * mean).max(DVec3::ZERO) / (n - 1.0);
-        let error = (between_samples + between_groups(&groups) / (n * n)).to_array().map(f64::sqrt);
+        // A quarter is left where the photons' part, which may come out below zero, would take all.
+        let error = (between_samples + photons.variance(n)).max(0.25 * between_samples).to_array().map(f64::sqrt);
         let clear = f64::from(spp.min(CLEAR));
         self.pixels.push(Pixel {
             volume_direct: rgb(light[0]),
@@ -164,9 +163,34 @@ impl<Room> Tile<Room> {
     }
 }
 
-/// The variance of the groups' sum, by what they differ by: each is an independent estimate of an eighth of it.
-fn between_groups(groups: &[DVec3; GROUPS]) -> DVec3 {
-    let n = GROUPS as f64;
-    let mean = groups.iter().copied().sum::<DVec3>() / n;
-    groups.iter().map(|&g| (g - mean) * (g - mean)).sum::<DVec3>() * (n / (n - 1.0))
+/// The light of stored photons by their groups, of which each is an independent estimate of an eighth of it.
+#[derive(Default)]
+struct Photons {
+    sums: [DVec3; GROUPS],
+    /// Squared differences of the groups within each sample, summed.
+    within: DVec3,
+}
+
+impl Photons {
+    fn add(&mut self, groups: &[Vec3; GROUPS]) {
+        let groups = groups.map(|g| g.as_dvec3());
+        self.within += apart(&groups);
+        for (sum, group) in self.sums.iter_mut().zip(groups) {
+            *sum += group;
+        }
+    }
+
+    /// What the noise of photons adds to the variance of the mean of `n` samples: what the groups differ by alike in different
+    /// samples. What they differ by in one sample alone is among what samples scatter by.
+    fn variance(&self, n: f64) -> DVec3 {
+        let groups = GROUPS as f64;
+        let between = apart(&self.sums) - self.within;
+        between * (groups / (groups - 1.0)) / (n * (n - 1.0).max(1.0))
+    }
+}
+
+/// Squared differences of the groups from their mean, summed.
+fn apart(groups: &[DVec3; GROUPS]) -> DVec3 {
+    let mean = groups.iter().copied().sum::<DVec3>() / GROUPS as f64;
+    groups.iter().map(|&g| (g - mean) * (g - mean)).sum()
 }

@@ -1,5 +1,9 @@
-//! The beam radiance estimate (Jarosz, Zwicker and Jensen 2008): every stored photon is a disc across the ray, and one walk along
-//! the ray finds all that it pierces.
+//! The beam radiance estimate (Jarosz, Zwicker and Jensen 2008): every stored photon is a ball, and one walk along the ray finds all
+//! that it pierces.
+//!
+//! Balls rather than discs across the ray: a ball's photon is spread evenly over the extinction that the ball holds, so that its
+//! power is kept wherever regions end, and whatever way a ray crosses their rim. Of a disc the share outside depends on the ray; to
+//! leave it out, or to take the ball's for it, is a bias that falls as the radius and not as its square.
 
 use super::Room;
 use super::gather::{Groups, Lobe};
@@ -12,7 +16,6 @@ use crate::progress::Progress;
 use crate::rng::Rng;
 use glam::Vec3;
 use rayon::prelude::*;
-use std::f32::consts::PI;
 
 /// Photons that follow one another along the curve and share a radius and a place in the hierarchy.
 const BLOCK: usize = 16;
@@ -21,14 +24,13 @@ const PILOTS: u64 = 64;
 /// Where less than this share of light passes, the ray plays roulette about going on.
 const FAINT: f64 = 0.02;
 
-/// Stored photons as discs.
+/// Stored photons as balls.
 #[derive(Debug)]
-pub(super) struct Discs {
-    /// In blocks of [`BLOCK`]; their powers over the mean extinction around them.
+pub(super) struct Beams {
+    /// In blocks of [`BLOCK`]; their powers over the optical mass of their balls, in W m^-2.
     photons: Vec<Photon>,
     /// Of each block, m.
     radii: Vec<f32>,
-    widest: f32,
     bvh: Bvh,
     estimate: u64,
 }
@@ -45,8 +47,8 @@ pub(super) struct Even {
     lobe: Lobe,
 }
 
-impl Discs {
-    /// Over photons in the order of [`crate::photon::PhotonMap::along_curve`]; a disc's radius is the distance within which
+impl Beams {
+    /// Over photons in the order of [`crate::photon::PhotonMap::along_curve`]; a ball's radius is the distance within which
     /// about `estimate` of them lie.
     pub(super) fn new(mut photons: Vec<Photon>, estimate: u64, media: &Media, progress: &dyn Progress) -> Result<Self> {
         let estimate = estimate.clamp(1, (photons.len() as u64).max(1));
@@ -54,14 +56,13 @@ impl Discs {
         let pilots = Nearest::new(photons.iter().step_by(thin as usize).copied().collect(), estimate.div_ceil(thin), None);
         progress.check()?;
         let blocks = photons.len().div_ceil(BLOCK);
-        progress.begin("discs", blocks as u64);
+        progress.begin("beams", blocks as u64);
         // Fixed groups of blocks, so that no thread's past decides anything.
         let radii: Vec<f32> = photons
             .par_chunks_mut(BLOCK * 256)
             .flat_map_iter(|group| {
                 let mut hood = Neighbourhood::default();
-                let radii: Vec<f32> = group.chunks_mut(BLOCK).map(|block| radius(block, &pilots, media, &mut hood)).collect();
-                radii
+                group.chunks_mut(BLOCK).map(|block| radius(block, &pilots, media, &mut hood)).collect::<Vec<f32>>()
             })
             .collect();
         progress.check()?;
@@ -71,8 +72,7 @@ impl Discs {
             Some(Box3 { min: min - radius, max: max + radius })
         };
         let bvh = Bvh::new(&photons.chunks(BLOCK).zip(&radii).map(around).collect::<Vec<_>>(), 2);
-        let widest = radii.iter().copied().fold(0.0, f32::max);
-        Ok(Discs { photons, radii, widest, bvh, estimate })
+        Ok(Beams { photons, radii, bvh, estimate })
     }
 
     /// Photons in an estimate.
@@ -91,48 +91,49 @@ impl Discs {
             Some(e) => (f64::from(e.from) + (deepest - e.before) / e.sigma_t) as f32,
             None => last.to,
         };
-        self.bvh.traverse(ray.origin, ray.direction, end + self.widest, |block, _| {
+        self.bvh.traverse(ray.origin, ray.direction, end, |block, _| {
             let radius2 = self.radii[block as usize] * self.radii[block as usize];
             let from = block as usize * BLOCK;
             for photon in &self.photons[from..(from + BLOCK).min(self.photons.len())] {
                 let away = Vec3::from_array(photon.position) - ray.origin;
                 let t = away.dot(ray.direction);
-                let across2 = (away - ray.direction * t).length_squared();
-                if across2 >= radius2 || t < first.from || t >= end {
+                let half2 = radius2 - (away - ray.direction * t).length_squared();
+                if half2 <= 0.0 {
                     continue;
                 }
-                let even = &evens[evens.partition_point(|e| e.to <= t).min(evens.len() - 1)];
-                if t < even.from {
-                    continue;
+                let half = half2.sqrt();
+                let (enter, exit) = ((t - half).max(first.from), (t + half).min(end));
+                for even in &evens[evens.partition_point(|e| e.to <= enter)..] {
+                    let (from, to) = (even.from.max(enter), even.to.min(exit));
+                    if from >= to {
+                        break;
+                    }
+                    let middle = 0.5 * (from + to) - even.from;
+                    let clear = (-(even.before + even.sigma_t * f64::from(middle))).exp().max(FAINT);
+                    let value = photon.power * (to - from) * even.lobe.value(unpack_direction(photon.direction));
+                    groups[photon.group()] += clear * even.sigma_s * f64::from(value);
                 }
-                let clear = (-(even.before + even.sigma_t * f64::from(t - even.from))).exp().max(FAINT);
-                // Silverman's kernel in the plane across the ray: 3 / (pi r^2) (1 - x^2)^2.
-                let inside = 1.0 - across2 / radius2;
-                let kernel = 3.0 / (PI * radius2) * inside * inside;
-                let value = photon.power * kernel * even.lobe.value(unpack_direction(photon.direction));
-                groups[photon.group()] += clear * even.sigma_s * f64::from(value);
             }
         });
     }
 }
 
 #[cfg(test)]
-impl Discs {
-    /// Each photon with the radius of its disc.
+impl Beams {
+    /// Each photon with the radius of its ball.
     pub(super) fn each(&self) -> impl Iterator<Item = (&Photon, f32)> {
         self.photons.iter().enumerate().map(|(i, p)| (p, self.radii[i / BLOCK]))
     }
 }
 
-/// The radius of a block's discs; its photons' powers are divided by the mean extinction within it, which says what of a disc lies
+/// The radius of a block's balls; its photons' powers are divided by the optical mass within it, which says what of a ball lies
 /// outside of all regions, or where they overlap.
 fn radius(block: &mut [Photon], pilots: &Nearest, media: &Media, hood: &mut Neighbourhood) -> f32 {
     let middle = block.iter().map(|p| Vec3::from_array(p.position)).sum::<Vec3>() / block.len() as f32;
     let radius = pilots.find(middle, hood).unwrap_or(0.0);
-    let volume = 4.0 / 3.0 * std::f64::consts::PI * f64::from(radius).powi(3);
     for photon in block {
         let mass = media.mass_within(Vec3::from_array(photon.position), radius);
-        photon.power = if mass > 0.0 { (f64::from(photon.power) * volume / mass) as f32 } else { 0.0 };
+        photon.power = if mass > 0.0 { (f64::from(photon.power) / mass) as f32 } else { 0.0 };
     }
     radius
 }

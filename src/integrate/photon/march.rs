@@ -63,8 +63,8 @@ impl Channel {
                 self.collision(ray, distance, region, weight, i as usize, &mut out, rng, room);
             }
         }
-        if let Light::Discs(discs) = &self.light {
-            discs.along(ray, reach, &band.media, &mut out.groups, rng, room);
+        if let Light::Beams(beams) = &self.light {
+            beams.along(ray, reach, &band.media, &mut out.groups, rng, room);
         }
         out
     }
