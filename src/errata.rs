@@ -2,8 +2,8 @@
 //!
 //! The thesis is Joseph Hura's, *Ray tracing clouds using a stochastic photon-particle duality* (2006). `--model hura2006`
 //! ([`Model::Hura2006`]) follows it to the letter, `--model physical` ([`Model::Physical`], the default) is the corrected
-//! reading. Traps 1 to 7 and 12 are in pass 1 and in the duality: there "physical" below is what this crate does. Traps 8 to 11
-//! and eqs 23 and 30 are in pass 2: there it is what a right pass 2 does, in the form that the experiment tests.
+//! reading. Traps 1 to 7 and 12 are in pass 1 and in the duality, 8 to 11 and eqs 23 and 30 in pass 2
+//! ([`integrate::photon`](crate::integrate::photon)); there the experiments test the form, and the renderer's own tests the renderer.
 //!
 //! | trap | where | what is wrong | what it costs |
 //! | --- | --- | --- | --- |

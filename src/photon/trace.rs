@@ -23,7 +23,7 @@ use std::ops::Range;
 /// Paths in a batch: the item that has a stream of random numbers of its own.
 const BATCH_PATHS: u64 = 128;
 /// Photons that one wave of batches may be expected to store beyond what the map takes.
-const WAVE_PHOTONS: u64 = 1 << 19;
+const WAVE_PHOTONS: u64 = 1 << 17;
 /// Collisions after which a path is cut; its power is reported as truncated.
 const MAX_COLLISIONS: u64 = 1_000_000;
 /// Paths after which it is clear that nothing is stored.

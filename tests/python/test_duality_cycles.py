@@ -13,7 +13,7 @@ import pytest
 
 import duality
 
-# `photon` joins when there is one.
+# The photon integrator is judged by the path tracer, in its own tests: it has a bias, and its noise is shared by pixels.
 INTEGRATORS = ["path"]
 
 
