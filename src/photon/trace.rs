@@ -282,8 +282,13 @@ impl Tracer {
             let p = self.wrapped(at.ray.at(distance));
             collisions += 1;
             batch.collisions += 1;
+            // Light that a surface happened to send to a region begins to count there.
+            if !at.counted {
+                at.counted = true;
+                batch.power += at.power;
+            }
             let kept = at.power * R::attenuation(tau);
-            batch.fates[Fate::Attenuated as usize] += at.power - kept;
+            batch.shift(Fate::Attenuated, &at, at.power - kept);
             at.power = kept;
             if (collisions > 1 || at.bounced) && (batch.photons.len() as u64) < wanted && self.in_tile(region, p) {
                 let stored = at.power * R::stored(optics.albedo);
