@@ -41,6 +41,34 @@ impl Bounds {
     }
 }
 
+/// A rectangle in x and y that repeats without end, in the single-precision space of the hot loops.
+#[derive(Debug, Clone, Copy)]
+pub struct Tile {
+    /// Its smallest corner; z as well, where nothing repeats.
+    pub min: Vec3,
+    /// Its largest corner.
+    pub max: Vec3,
+}
+
+impl Tile {
+    /// Its sides, m.
+    pub fn size(&self) -> Vec3 {
+        self.max - self.min
+    }
+
+    /// A point's image within it.
+    pub fn wrapped(&self, p: Vec3) -> Vec3 {
+        let size = self.size();
+        let fold = |x: f32, min: f32, size: f32| min + (x - min).rem_euclid(size).min(size.next_down());
+        Vec3::new(fold(p.x, self.min.x, size.x), fold(p.y, self.min.y, size.y), p.z)
+    }
+
+    /// Whether it holds a point, at whatever height.
+    pub fn holds(&self, p: Vec3) -> bool {
+        p.x >= self.min.x && p.x <= self.max.x && p.y >= self.min.y && p.y <= self.max.y
+    }
+}
+
 /// A ray in the recentred, single-precision space of the hot loops. `direction` has unit length.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray {

@@ -6,12 +6,11 @@ use crate::export::staged::Staged;
 use crate::export::vdb::VdbOptions;
 use crate::export::{exr, glb, png};
 use crate::import::{self, ImportOptions};
-use crate::photon::{Model, Tracer};
 use crate::plan::{Density, Plan};
 use crate::progress::Progress;
-use crate::regions::{Duality, synthesise};
+use crate::regions::Duality;
 use crate::scene::Region;
-use account::{Clock, closed, light, metadata, opening};
+use account::{closed, light, metadata, opening};
 use format::Targets;
 use std::path::PathBuf;
 
@@ -19,11 +18,14 @@ mod account;
 mod balance;
 mod format;
 mod grids;
+mod pass1;
 mod picture;
 
+pub use account::Clock;
 pub use balance::{Balance, BalanceJob, balance};
-pub use format::{Format, check_scene, usual_density};
-pub use picture::{Picture, lit};
+pub use format::{Format, check_gather, check_scene, usual_density};
+pub use pass1::Pass1;
+pub use picture::{Picture, lit, take};
 
 /// One run: what to read, what to do, what to write.
 #[derive(Debug, Clone)]
@@ -77,14 +79,9 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     let (written, pass1) = match job.density {
         Density::Source => (layout.scene.regions.clone(), None),
         Density::Duality => {
-            let tracer = Tracer::new(&layout.scene, &plan, job.duality.model);
-            let shot = tracer.fill(job.photons, job.duality.seed, progress).map_err(|e| e.of_file(&job.input))?;
-            clock.end("photons");
-            let synthesis = synthesise(&layout.scene, &shot.map, &job.duality, progress)?;
-            clock.end("regions");
-            light(&mut report, job, &layout, &tracer, &shot, &synthesis, &clock).map_err(|e| e.of_file(&job.input))?;
-            // To the letter, the photons that made the regions also light them.
-            (synthesis.regions, (job.duality.model == Model::Hura2006).then_some(shot.map))
+            let pass1 = Pass1::of(&layout.scene, job.photons, &job.duality, &mut clock, progress).map_err(|e| e.of_file(&job.input))?;
+            light(&mut report, job, &layout.scene, &pass1, &clock);
+            pass1.regions(job.duality.model)
         }
     };
     report.optical_mass.written = written.iter().map(Region::optical_mass).sum();
@@ -102,8 +99,11 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
         staged.add(target, |path| glb::write(path, &layout.scene, &written))?;
     }
     if let Some(framed) = framed {
-        let scene = picture::lit(&layout.scene, &written, job.density);
-        let film = picture::take(job, &scene, &framed, pass1, &mut report, &mut clock, progress)?;
+        let scene = lit(&layout.scene, &written, job.density);
+        let (film, render) = take(&scene, &framed, &job.picture.settings(&framed, job.photons, &job.duality), pass1, progress)?;
+        report.notes.extend(job.picture.note(&scene));
+        report.render = Some(render);
+        clock.end("render");
         for target in targets.each(Format::Exr) {
             staged.add(target, |path| exr::write(path, &film))?;
         }

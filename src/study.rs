@@ -11,6 +11,7 @@ use crate::import::{self, ImportOptions};
 use crate::integrate::Integrator;
 use crate::integrate::photon::Gathering;
 use crate::photon::Model;
+use crate::pipeline::check_gather;
 use crate::plan::Density;
 use crate::progress::Progress;
 use files::{Files, names};
@@ -112,11 +113,7 @@ pub struct Row {
 /// Everything in [`crate::Error`]; nothing is written then.
 pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<Findings> {
     let begun = Instant::now();
-    if job.model == Model::Hura2006 && job.gather == Some(Gathering::Beam) {
-        return Err(Error::Usage(
-            "--gather beam: the thesis has no beams; use --gather march with --model hura2006, or --model physical".into(),
-        ));
-    }
+    check_gather(job.gather.unwrap_or_default(), job.model)?;
     progress.begin("import", 1);
     let given = load(&job.inputs)?;
     let parts = chosen(job, &given)?;

@@ -137,23 +137,17 @@ pub struct Run {
     /// The seed: the same seed gives the same bytes, on any number of threads
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Threads to use [default: all]
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
     /// Read and plan, but trace and write nothing
     #[arg(long)]
     pub dry_run: bool,
     /// Print the report as JSON on stdout
     #[arg(long)]
     pub json: bool,
-    /// How progress is told on stderr: bars in a terminal, or JSON lines
-    #[arg(long, value_enum, default_value_t = ProgressStyle::Bar)]
-    pub progress: ProgressStyle,
-    /// Say nothing but errors
-    #[arg(short, long, conflicts_with = "verbose")]
-    pub quiet: bool,
+    /// Threads, progress, quiet.
+    #[command(flatten)]
+    pub manners: Manners,
     /// Name everything that was found, and every effect
-    #[arg(short, long)]
+    #[arg(short, long, conflicts_with = "quiet")]
     pub verbose: bool,
     /// What is in the scene.
     #[command(flatten)]
@@ -168,8 +162,8 @@ impl Run {
         if self.outputs.is_empty() && !self.dry_run && !self.json {
             return usage("say what to write: -o cloud.vdb (or --json for the report on stdout, or --dry-run)");
         }
-        if self.photons == 0 || self.estimate == Some(0) || self.max_voxels == 0 || self.threads == Some(0) {
-            return usage("--photons, --estimate, --max-voxels and --threads must be at least 1");
+        if self.photons == 0 || self.estimate == Some(0) || self.max_voxels == 0 {
+            return usage("--photons, --estimate and --max-voxels must be at least 1");
         }
         if self.photons > u64::from(u32::MAX) {
             return usage("--photons can be at most 4294967295");
@@ -201,6 +195,20 @@ impl Run {
             dry_run: self.dry_run,
         })
     }
+}
+
+/// How a command behaves, whatever it does.
+#[derive(Debug, Args)]
+pub struct Manners {
+    /// Threads to use [default: all]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// How progress is told on stderr: bars in a terminal, or JSON lines
+    #[arg(long, value_enum, default_value_t = ProgressStyle::Bar)]
+    pub progress: ProgressStyle,
+    /// Say nothing but the result and errors
+    #[arg(short, long)]
+    pub quiet: bool,
 }
 
 /// How progress is told.
@@ -244,7 +252,7 @@ argument!(/// `--integrator`
         Photon });
 argument!(/// `--gather`
     GatherArgument for Gathering { /// the nearest at points along a ray (the thesis)
-        March, /// all along a ray, each photon a disc
+        March, /// all along a ray, each photon a ball
         Beam });
 argument!(/// `--up`
     UpArgument for Up { /// Blender

@@ -1,6 +1,6 @@
 //! `cloudvdb flux`: where the light goes.
 
-use super::args::{DensityArgument, ProgressStyle, count};
+use super::args::{DensityArgument, Manners, ProgressStyle, count};
 use super::scene::SceneArguments;
 use super::{event, print, say, watched};
 use crate::error::Error;
@@ -25,15 +25,9 @@ pub struct FluxArguments {
     /// The seed: the same seed gives the same figures, on any number of threads
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Threads to use [default: all]
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
-    /// How progress is told on stderr: bars in a terminal, or JSON lines
-    #[arg(long, value_enum, default_value_t = ProgressStyle::Bar)]
-    pub progress: ProgressStyle,
-    /// Say nothing but the result and errors
-    #[arg(short, long)]
-    pub quiet: bool,
+    /// Threads, progress, quiet.
+    #[command(flatten)]
+    pub manners: Manners,
     /// What is in the scene.
     #[command(flatten)]
     pub scene: SceneArguments,
@@ -41,10 +35,10 @@ pub struct FluxArguments {
 
 /// Looks where the light of a scene goes, and prints it.
 pub fn run(arguments: &FluxArguments) -> Result<(), Error> {
-    if arguments.photons == 0 || arguments.threads == Some(0) {
-        return Err(Error::Usage("--photons and --threads must be at least 1".into()));
+    if arguments.photons == 0 {
+        return Err(Error::Usage("--photons must be at least 1".into()));
     }
-    let watch = watched(arguments.progress, arguments.quiet, arguments.threads)?;
+    let watch = watched(&arguments.manners)?;
     let job = BalanceJob {
         input: arguments.input.clone(),
         import: arguments.scene.import(),
@@ -55,8 +49,8 @@ pub fn run(arguments: &FluxArguments) -> Result<(), Error> {
     let result = balance(&job, &watch);
     watch.finish();
     let balance = result?;
-    match arguments.progress {
-        _ if arguments.quiet => {}
+    match arguments.manners.progress {
+        _ if arguments.manners.quiet => {}
         ProgressStyle::Json => event(&serde_json::json!({"event": "done", "seconds": balance.seconds, "notes": balance.notes})),
         ProgressStyle::Bar => balance.notes.iter().for_each(|note| say(&format!("note: {note}"))),
     }

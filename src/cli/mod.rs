@@ -12,7 +12,7 @@ use crate::export::report::plan_table;
 use crate::import;
 use crate::pipeline;
 use crate::plan::Plan;
-use args::{Arguments, Command, PlanArguments, ProgressStyle, Run};
+use args::{Arguments, Command, Manners, PlanArguments, ProgressStyle, Run};
 use clap::{CommandFactory, Parser};
 use progress::Watch;
 use std::io::Write;
@@ -24,11 +24,11 @@ pub fn main() -> u8 {
     match arguments.command {
         Some(Command::Plan(plan)) => finish(show_plan(&plan), ProgressStyle::Bar),
         Some(Command::Flux(arguments)) => {
-            let style = arguments.progress;
+            let style = arguments.manners.progress;
             finish(flux::run(&arguments), style)
         }
         Some(Command::Study(arguments)) => {
-            let style = arguments.progress;
+            let style = arguments.manners.progress;
             finish(study::run(&arguments), style)
         }
         Some(Command::Completions { shell }) => {
@@ -42,7 +42,7 @@ pub fn main() -> u8 {
             finish(rendered.map_err(stdout_failed).and_then(|()| print(&text)), ProgressStyle::Bar)
         }
         None => {
-            let style = arguments.run.progress;
+            let style = arguments.run.manners.progress;
             finish(run(&arguments.run), style)
         }
     }
@@ -50,15 +50,15 @@ pub fn main() -> u8 {
 
 fn run(run: &Run) -> Result<(), Error> {
     let job = run.job()?;
-    let watch = watched(run.progress, run.quiet, run.threads)?;
+    let watch = watched(&run.manners)?;
     let report = pipeline::run(&job, &watch);
     watch.finish();
     let report = report?;
     if run.json {
         print((report.json() + "\n").as_bytes())?;
     }
-    match run.progress {
-        _ if run.quiet => {}
+    match run.manners.progress {
+        _ if run.manners.quiet => {}
         ProgressStyle::Json => {
             event(&serde_json::json!({"event": "done", "seconds": report.seconds, "outputs": report.outputs, "notes": report.notes}))
         }
@@ -68,7 +68,10 @@ fn run(run: &Run) -> Result<(), Error> {
 }
 
 /// What watches a run for the terminal and for signals; and the number of threads.
-fn watched(style: ProgressStyle, quiet: bool, threads: Option<usize>) -> Result<Watch, Error> {
+fn watched(&Manners { threads, progress: style, quiet }: &Manners) -> Result<Watch, Error> {
+    if threads == Some(0) {
+        return Err(Error::Usage("--threads must be at least 1".into()));
+    }
     let watch = Watch::new(style, quiet);
     signals::watch(watch.cancelled_flag(), style)?;
     if let Some(threads) = threads {

@@ -1,6 +1,6 @@
 //! `cloudvdb study`: the thesis's evaluation again.
 
-use super::args::{GatherArgument, ModelArgument, ProgressStyle};
+use super::args::{GatherArgument, Manners, ModelArgument, ProgressStyle};
 use super::scene::size;
 use super::{event, print, say, watched};
 use crate::error::Error;
@@ -45,15 +45,9 @@ pub struct StudyArguments {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
-    /// Threads to use [default: all]
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
-    /// How progress is told on stderr: bars in a terminal, or JSON lines
-    #[arg(long, value_enum, default_value_t = ProgressStyle::Bar)]
-    pub progress: ProgressStyle,
-    /// Say nothing but the result and errors
-    #[arg(short, long)]
-    pub quiet: bool,
+    /// Threads, progress, quiet.
+    #[command(flatten)]
+    pub manners: Manners,
 }
 
 /// Runs the study, and prints its tables.
@@ -61,10 +55,7 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
     if !arguments.paper {
         return Err(Error::Usage("say which study: --paper, the thesis's own, is the only one so far".into()));
     }
-    if arguments.threads == Some(0) {
-        return Err(Error::Usage("--threads must be at least 1".into()));
-    }
-    let watch = watched(arguments.progress, arguments.quiet, arguments.threads)?;
+    let watch = watched(&arguments.manners)?;
     let job = Job {
         inputs: arguments.inputs.clone(),
         parts: arguments.tests.clone(),
@@ -78,8 +69,8 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
     };
     let told = |line: &str| {
         watch.finish();
-        match arguments.progress {
-            _ if arguments.quiet => {}
+        match arguments.manners.progress {
+            _ if arguments.manners.quiet => {}
             ProgressStyle::Json => event(&serde_json::json!({"event": "line", "text": line})),
             ProgressStyle::Bar => say(line),
         }
@@ -87,7 +78,7 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
     let result = study(&job, &told, &watch);
     watch.finish();
     let findings = result?;
-    if arguments.progress == ProgressStyle::Json && !arguments.quiet {
+    if arguments.manners.progress == ProgressStyle::Json && !arguments.manners.quiet {
         event(&serde_json::json!({"event": "done", "seconds": findings.seconds}));
     }
     print(if arguments.json { findings.json() + "\n" } else { findings.table() }.as_bytes())

@@ -21,10 +21,12 @@ use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
-use crate::scene::{Medium, Region, Scene, Surface};
+use crate::scene::{Medium, Region, Scene, Sun, Surface};
+use crate::trimesh::Hit;
 use beam::Beams;
 use gather::Gather;
 use glam::{DVec3, Vec3};
+use march::Stretch;
 use std::borrow::Cow;
 
 /// Where stored photons are looked for.
@@ -190,7 +192,7 @@ fn channels_of(scene: &Scene, model: Model) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)>
     let with = |medium: &dyn Fn(&Medium) -> Medium, of: &dyn Fn([f64; 3]) -> [f64; 3]| Scene {
         regions: scene.regions.iter().map(|r| Region { medium: medium(&r.medium), ..r.clone() }).collect(),
         surfaces: scene.surfaces.iter().map(|s| Surface { albedo: of(s.albedo), ..s.clone() }).collect(),
-        sun: crate::scene::Sun { irradiance: of(scene.sun.irradiance), ..scene.sun },
+        sun: Sun { irradiance: of(scene.sun.irradiance), ..scene.sun },
         sky: of(scene.sky),
         camera: scene.camera,
     };
@@ -245,13 +247,7 @@ impl Channel {
             let end = hit.map_or(reach, |h| h.t);
             let first = layer == Layer::Environment;
             let stretch = self.march(&ray, end, if first { slice } else { slice * COARSER }, rng, room);
-            arrival.collisions += stretch.gathered;
-            let indirect = stretch.groups.iter().sum::<f64>() as f32 * self.tint;
-            arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * stretch.direct;
-            arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * indirect;
-            for (sum, group) in arrival.groups.iter_mut().zip(stretch.groups) {
-                *sum += throughput * self.tint * group as f32;
-            }
+            self.credit(&stretch, throughput, layer, &mut arrival);
             if first {
                 arrival.depth = match hit {
                     Some(hit) => (stretch.depth + stretch.clear * f64::from(hit.t), 1.0),
@@ -268,18 +264,15 @@ impl Channel {
             if throughput == Vec3::ZERO {
                 return arrival;
             }
-            let p = hit.off(&ray);
-            for _ in 0..self.shadow_rays {
-                let share = throughput / self.shadow_rays as f32;
-                arrival.light[layer as usize] +=
-                    share * tracer.sun.on_surface(&tracer.bands[0], &tracer.surfaces, p, &hit, rng, &mut room.scratch);
-                if self.model == Model::Hura2006 {
-                    self.case2(&hit, p, share, slice, &mut arrival, rng, room);
-                }
-            }
+            let (p, share) = (hit.off(&ray), throughput / self.shadow_rays as f32);
             if self.model == Model::Hura2006 {
                 // Surfaces are there for the shadows alone: what they receive from clouds and from each other is left out.
+                (0..self.shadow_rays).for_each(|_| self.case2(&hit, p, share, slice, &mut arrival, rng, room));
                 return arrival;
+            }
+            for _ in 0..self.shadow_rays {
+                let light = tracer.sun.on_surface(&tracer.bands[0], &tracer.surfaces, p, &hit, rng, &mut room.scratch);
+                arrival.light[layer as usize] += share * light;
             }
             ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
             reach = f32::INFINITY;
@@ -291,12 +284,23 @@ impl Channel {
         }
     }
 
-    /// Case 2 to the letter: where a shadow ray meets regions, what they scatter along it lights the surface as the sun does, its
-    /// radiance taken for an irradiance.
+    /// Adds what a stretch of a ray brings, of which `share` arrives, behind events that `layer` stands for.
+    fn credit(&self, stretch: &Stretch, share: Vec3, layer: Layer, arrival: &mut Arrival) {
+        let indirect = stretch.groups.iter().sum::<f64>() as f32 * self.tint;
+        arrival.light[layer.then(Layer::VolumeDirect) as usize] += share * stretch.direct;
+        arrival.light[layer.then(Layer::VolumeIndirect) as usize] += share * indirect;
+        for (sum, group) in arrival.groups.iter_mut().zip(stretch.groups) {
+            *sum += share * self.tint * group as f32;
+        }
+        arrival.collisions += stretch.gathered;
+    }
+
+    /// Case 2 to the letter: what a shadow ray brings to a surface, the sun behind regions and what they scatter along it, whose
+    /// radiance is taken for an irradiance.
     #[allow(clippy::too_many_arguments)]
-    fn case2(&self, hit: &crate::trimesh::Hit, p: Vec3, share: Vec3, slice: f64, arrival: &mut Arrival, rng: &mut Rng, room: &mut Room) {
+    fn case2(&self, hit: &Hit, p: Vec3, share: Vec3, slice: f64, arrival: &mut Arrival, rng: &mut Rng, room: &mut Room) {
         let tracer = &self.tracer;
-        let Some((toward, _)) = tracer.sun.toward(rng) else { return };
+        let Some((toward, weight)) = tracer.sun.toward(rng) else { return };
         let cos = toward.dot(hit.normal);
         let ray = Ray { origin: p, direction: toward };
         if cos <= 0.0 || tracer.surfaces.nearest(&ray, f32::INFINITY).is_some() {
@@ -304,11 +308,8 @@ impl Channel {
         }
         let stretch = self.march(&ray, f32::INFINITY, slice * COARSER, rng, room);
         let share = share * (cos * std::f32::consts::FRAC_1_PI);
-        arrival.light[Layer::Surface as usize] += share * (stretch.direct + stretch.groups.iter().sum::<f64>() as f32 * self.tint);
-        for (sum, group) in arrival.groups.iter_mut().zip(stretch.groups) {
-            *sum += share * self.tint * group as f32;
-        }
-        arrival.collisions += stretch.gathered;
+        arrival.light[Layer::Surface as usize] += share * tracer.sun.irradiance * (weight * stretch.clear as f32);
+        self.credit(&stretch, share, Layer::Surface, arrival);
     }
 }
 

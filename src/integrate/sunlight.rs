@@ -23,7 +23,7 @@ pub(super) struct Sunlight {
     /// In which its light travels, from the middle of the disc.
     direction: Vec3,
     sin_alpha: f32,
-    irradiance: Vec3,
+    pub(super) irradiance: Vec3,
 }
 
 /// A collision at which one more direction was drawn, toward the sun: the two strategies share what they find by the balance

@@ -1,6 +1,7 @@
 //! The photon map: stored photons by region, and trees over them. The only place that names kiddo.
 
-use super::Photon;
+use super::{Photon, bounds};
+use crate::bvh::Box3;
 use glam::{DVec3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -90,10 +91,7 @@ impl PhotonMap {
         for photon in &mut photons {
             photon.position = (Vec3::from_array(photon.position) + shift).to_array();
         }
-        let (min, max) = photons
-            .iter()
-            .map(|p| Vec3::from_array(p.position))
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+        let Box3 { min, max } = bounds(&photons);
         let cells = 1023.999 / (max - min).max(Vec3::splat(f32::MIN_POSITIVE));
         let key = |p: &Photon| {
             let position = Vec3::from_array(p.position);
@@ -126,8 +124,7 @@ pub struct PhotonTree(Vec<Part>);
 
 struct Part {
     tree: ImmutableKdTree<f32, 3>,
-    min: Vec3,
-    max: Vec3,
+    bounds: Box3,
 }
 
 impl std::fmt::Debug for PhotonTree {
@@ -140,11 +137,9 @@ impl PhotonTree {
     /// Builds the trees. `None` where kiddo cannot (more points than it can number).
     pub fn new(photons: &[Photon]) -> Option<Self> {
         let one = |(number, photons): (usize, &[Photon])| {
-            let at = |p: &Photon| Vec3::from_array(p.position);
-            let (min, max) = photons.iter().map(at).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
             let first = u32::try_from(number * TREE).ok()?;
             let tree = ImmutableKdTree::new_from_source(photons, |p: &Photon, axis| p.position[axis], |i, _| first + i as u32).ok()?;
-            Some(Part { tree, min, max })
+            Some(Part { tree, bounds: bounds(photons) })
         };
         photons.chunks(TREE).enumerate().map(one).collect::<Option<Vec<Part>>>().map(PhotonTree)
     }
@@ -162,8 +157,8 @@ impl PhotonTree {
         let query = centre.to_array();
         // Only what rounding cannot bring within reach is passed over.
         let reach = radius * radius * (1.0 + 8.0 * f32::EPSILON);
-        for Part { tree, min, max } in &self.0 {
-            if centre.distance_squared(centre.clamp(*min, *max)) <= reach {
+        for Part { tree, bounds } in &self.0 {
+            if centre.distance_squared(centre.clamp(bounds.min, bounds.max)) <= reach {
                 tree.query(&query).within::<SquaredEuclidean<f32>>(radius * radius).unsorted().visit(|hit| visit(hit.distance, hit.item));
             }
         }

@@ -11,6 +11,7 @@ pub use map::{PhotonMap, PhotonTree};
 pub use nearest::{Nearest, Neighbourhood};
 pub use trace::{Shot, Tracer};
 
+use crate::bvh::Box3;
 use glam::Vec3;
 
 /// Which reading of the thesis is followed.
@@ -70,6 +71,12 @@ impl Photon {
     pub fn is_finite(&self) -> bool {
         self.position.iter().all(|x| x.is_finite())
     }
+}
+
+/// The box of photons' positions; turned inside out where there are none.
+pub(crate) fn bounds(photons: &[Photon]) -> Box3 {
+    let nothing = Box3 { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+    photons.iter().map(|p| Vec3::from_array(p.position)).fold(nothing, |b, p| Box3 { min: b.min.min(p), max: b.max.max(p) })
 }
 
 /// Packs a unit vector into 2 x 16 bits on the octahedron; the error stays below 1e-4 rad.

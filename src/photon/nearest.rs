@@ -1,7 +1,9 @@
 //! The n nearest of the stored photons, exactly, and quickly where the points asked for lie close together.
 
-use super::Photon;
 use super::map::PhotonTree;
+use super::{Photon, bounds};
+use crate::bvh::Box3;
+use crate::geom::Tile;
 use glam::Vec3;
 
 /// Photons are looked for so much farther than the last ones were found.
@@ -19,8 +21,8 @@ pub struct Nearest {
     floor: f32,
     /// Across which all photons are, m.
     span: f32,
-    /// Where photons repeat horizontally: the tile's corner and size.
-    tile: Option<(Vec3, Vec3)>,
+    /// Where photons repeat horizontally.
+    tile: Option<Tile>,
 }
 
 /// The photons around a point, kept for the points after it.
@@ -37,15 +39,14 @@ pub struct Neighbourhood {
 impl Nearest {
     /// The `count` nearest (all, where there are fewer) of photons in the order of [`super::PhotonMap::along_curve`]; `tile` as in
     /// [`super::Tracer::tile`].
-    pub fn new(photons: Vec<Photon>, count: u64, tile: Option<(Vec3, Vec3)>) -> Self {
-        let at = |p: &Photon| Vec3::from_array(p.position);
-        let (min, max) = photons.iter().map(at).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+    pub fn new(photons: Vec<Photon>, count: u64, tile: Option<Tile>) -> Self {
+        let Box3 { min, max } = bounds(&photons);
         let span = if photons.is_empty() { 0.0 } else { (max - min).length() };
         let floor = if photons.is_empty() { 0.0 } else { 4.0 * f32::EPSILON * min.abs().max(max.abs()).max_element() };
         let tree = if photons.is_empty() { None } else { PhotonTree::new(&photons) };
         let count = (count.max(1) as usize).min(photons.len());
         // The cube of a distance still has to be a number.
-        Nearest { photons, tree, count, floor: floor.max(1e-12), span, tile: tile.map(|(min, max)| (min, max - min)) }
+        Nearest { photons, tree, count, floor: floor.max(1e-12), span, tile }
     }
 
     /// How many are asked for.
@@ -106,23 +107,22 @@ impl Nearest {
         Some(hood.select(self.count).max(self.floor))
     }
 
-    /// A point's image within the tile.
+    /// A point's image within the tile, where there is one.
     pub fn wrapped(&self, p: Vec3) -> Vec3 {
-        let Some((min, size)) = self.tile else { return p };
-        let fold = |x: f32, min: f32, size: f32| min + (x - min).rem_euclid(size).min(size.next_down());
-        Vec3::new(fold(p.x, min.x, size.x), fold(p.y, min.y, size.y), p.z)
+        self.tile.map_or(p, |tile| tile.wrapped(p))
     }
 
     /// By how much photons are to be shifted for all their images within `radius` of `p`.
     fn images(&self, p: Vec3, radius: f32) -> impl Iterator<Item = Vec3> {
         let range = |axis: usize| match self.tile {
             None => (0, 0),
-            Some((min, size)) => {
-                (((p[axis] - radius - min[axis]) / size[axis]).floor() as i32, ((p[axis] + radius - min[axis]) / size[axis]).floor() as i32)
+            Some(tile) => {
+                let number = |x: f32| ((x - tile.min[axis]) / tile.size()[axis]).floor() as i32;
+                (number(p[axis] - radius), number(p[axis] + radius))
             }
         };
         let ((x0, x1), (y0, y1)) = (range(0), range(1));
-        let size = self.tile.map_or(Vec3::ZERO, |t| t.1);
+        let size = self.tile.map_or(Vec3::ZERO, |tile| tile.size());
         (x0..=x1).flat_map(move |x| (y0..=y1).map(move |y| Vec3::new(x as f32 * size.x, y as f32 * size.y, 0.0)))
     }
 }

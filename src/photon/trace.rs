@@ -5,7 +5,7 @@ use super::map::PhotonMap;
 use super::rules::{Hura2006, Physical, Rules};
 use super::{Model, Photon};
 use crate::error::{Error, Result};
-use crate::geom::{Bounds, Ray};
+use crate::geom::{Bounds, Ray, Tile};
 use crate::media::{Flight, Media, Scratch};
 use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
@@ -111,9 +111,9 @@ pub struct Tracer {
     thickest: f64,
     origin: DVec3,
     /// A scene of slabs alone looks the same everywhere: its photons are kept within the tile.
-    wrap: Option<(Vec3, Vec3)>,
+    wrap: Option<Tile>,
     /// The tiles of slabs beside other regions: photons outside are not stored.
-    tiles: Vec<Option<(Vec3, Vec3)>>,
+    tiles: Vec<Option<Tile>>,
 }
 
 impl Tracer {
@@ -124,7 +124,7 @@ impl Tracer {
         let bounces = plan.on(EffectName::SurfaceBounce);
         let meshes: Vec<_> = scene.surfaces.iter().map(|s| &s.mesh).collect();
         let alone = scene.regions.iter().all(|r| r.shape.is_endless());
-        let local = |b: Bounds| ((b.min - origin).as_vec3(), (b.max - origin).as_vec3());
+        let local = |b: Bounds| Tile { min: (b.min - origin).as_vec3(), max: (b.max - origin).as_vec3() };
         let tile = |shape: &Shape| (shape.is_endless() && !alone).then(|| local(shape.bounds()));
         Tracer {
             media: Media::new(&scene.regions, origin),
@@ -147,7 +147,7 @@ impl Tracer {
     }
 
     /// The tile, relative to the scene's origin, that photons of a scene without end are kept in.
-    pub fn tile(&self) -> Option<(Vec3, Vec3)> {
+    pub fn tile(&self) -> Option<Tile> {
         self.wrap
     }
 
@@ -279,7 +279,8 @@ impl Tracer {
                 return batch.end(Fate::Escaped, &at);
             };
             let optics = self.media.optics(region);
-            let p = self.wrapped(at.ray.at(distance));
+            let p = at.ray.at(distance);
+            let p = self.wrap.map_or(p, |tile| tile.wrapped(p));
             collisions += 1;
             batch.collisions += 1;
             // Light that a surface happened to send to a region begins to count there.
@@ -357,15 +358,8 @@ impl Tracer {
         Some(Branch { ray: Ray { origin, direction }, counted, bounced: true, ..*at })
     }
 
-    fn wrapped(&self, p: Vec3) -> Vec3 {
-        let Some((min, max)) = self.wrap else { return p };
-        let size = max - min;
-        let fold = |x: f32, min: f32, size: f32| min + (x - min).rem_euclid(size).min(size.next_down());
-        Vec3::new(fold(p.x, min.x, size.x), fold(p.y, min.y, size.y), p.z)
-    }
-
     fn in_tile(&self, region: u32, p: Vec3) -> bool {
-        self.tiles[region as usize].is_none_or(|(min, max)| p.x >= min.x && p.x <= max.x && p.y >= min.y && p.y <= max.y)
+        self.tiles[region as usize].is_none_or(|tile| tile.holds(p))
     }
 }
 

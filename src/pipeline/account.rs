@@ -1,12 +1,11 @@
 //! What a run says about itself: the report's parts, the file's metadata, seconds by stage.
 
 use super::Job;
-use crate::error::{Error, Result};
+use super::pass1::Pass1;
 use crate::export::report::{self, Energy, Errors, Mass, Photons, Regions, Report, Settings, Stage};
 use crate::import::Layout;
-use crate::photon::{Shot, Tracer};
 use crate::plan::Plan;
-use crate::regions::{Duality, Synthesis};
+use crate::regions::Duality;
 use crate::scene::{Region, Scene};
 use crate::vdb::Meta;
 use std::time::Instant;
@@ -45,23 +44,9 @@ pub(super) fn opening(job: &Job, layout: &Layout, plan: &Plan) -> Report {
     }
 }
 
-/// Fewer photons than this say nothing about where light scatters.
-const FEWEST: u64 = 100;
-
 /// What pass 1 and the duality add to the report.
-pub(super) fn light(
-    report: &mut Report,
-    job: &Job,
-    layout: &Layout,
-    tracer: &Tracer,
-    shot: &Shot,
-    synthesis: &Synthesis,
-    clock: &Clock,
-) -> Result<()> {
-    let scene = &layout.scene;
-    if synthesis.regions.is_empty() || shot.map.len() < FEWEST.min(job.photons) {
-        return Err(too_thin(scene, shot, synthesis));
-    }
+pub(super) fn light(report: &mut Report, job: &Job, scene: &Scene, pass1: &Pass1, clock: &Clock) {
+    let Pass1 { tracer, shot, synthesis } = pass1;
     let made: f64 = synthesis.sources.iter().map(|s| s.synthesised).sum();
     report.optical_mass.missing = report.optical_mass.source - made;
     let shortfall = report.optical_mass.missing / report.optical_mass.source;
@@ -102,7 +87,6 @@ pub(super) fn light(
     report.regions.synthesised = synthesis.regions.len();
     report.regions.sticking_out = synthesis.sticking_out;
     report.regions.sources.clone_from(&synthesis.sources);
-    Ok(())
 }
 
 /// A warning where positions in single precision cannot tell two collisions apart: the free path against their grain.
@@ -122,46 +106,6 @@ fn grain(scene: &Scene) -> Option<String> {
 /// The optical depth across the region that is thickest by it.
 fn thickest(scene: &Scene) -> f64 {
     scene.regions.iter().map(|r| r.medium.sigma_t() * r.shape.thickness()).fold(0.0, f64::max)
-}
-
-/// Why no region could be made, and what would do.
-fn too_thin(scene: &Scene, shot: &Shot, synthesis: &Synthesis) -> Error {
-    let thickest = scene
-        .regions
-        .iter()
-        .max_by(|a, b| (a.medium.sigma_t() * a.shape.thickness()).total_cmp(&(b.medium.sigma_t() * b.shape.thickness())));
-    let Some(region) = thickest else {
-        return Error::Scene { reason: "there is no region".into(), fix: "Add one".into() };
-    };
-    let (sigma, across) = (region.medium.sigma_t(), region.shape.thickness());
-    if region.medium.albedo() == 0.0 {
-        return Error::Scene {
-            reason: format!("{} absorbs all light: no photon scatters", region.name),
-            fix: "Give it a sigma_s (or an albedo) above zero".into(),
-        };
-    }
-    let (stored, wanted) = synthesis.sources.iter().map(|s| (s.photons, s.estimate)).max().unwrap_or_default();
-    let reason = match shot.map.len() {
-        n if n < FEWEST => format!(
-            "only {n} of {} photons are stored, because hardly any scatters twice: the thickest region, {}, has optical depth {:.3e} across",
-            shot.emitted,
-            region.name,
-            sigma * across
-        ),
-        _ => format!(
-            "no region came out: the fullest one holds {stored} photons, but nowhere do {wanted} of them lie within a free path ({:.3e} m; {} has optical depth {:.3} across)",
-            1.0 / sigma,
-            region.name,
-            sigma * across
-        ),
-    };
-    Error::Scene {
-        reason,
-        fix: format!(
-            "A sigma_t of {:.4} per metre would give it optical depth 40 (a cloud); more --photons or a smaller --estimate may also help",
-            40.0 / across
-        ),
-    }
 }
 
 /// What the file says about itself.
@@ -199,14 +143,15 @@ pub(super) fn closed(mut report: Report, clock: Clock) -> Report {
 }
 
 /// Seconds by stage.
-pub(super) struct Clock {
+pub struct Clock {
     start: Instant,
     last: Instant,
     stages: Vec<Stage>,
 }
 
 impl Clock {
-    pub(super) fn start() -> Self {
+    /// From now on.
+    pub fn start() -> Self {
         Clock { start: Instant::now(), last: Instant::now(), stages: Vec::new() }
     }
 

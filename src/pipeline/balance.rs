@@ -1,13 +1,14 @@
 //! `cloudvdb flux`: a scene in; where its light goes out.
 
+use super::account::Clock;
 use super::format::check_scene;
+use super::pass1::Pass1;
 use crate::error::Result;
 use crate::import::{self, ImportOptions};
 use crate::integrate::flux::{self, Flux};
-use crate::photon::Tracer;
 use crate::plan::{Density, Plan};
 use crate::progress::Progress;
-use crate::regions::{Duality, synthesise};
+use crate::regions::Duality;
 use crate::stats::Estimate;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -57,17 +58,9 @@ pub fn balance(job: &BalanceJob, progress: &dyn Progress) -> Result<Balance> {
     check_scene(&job.input, &scene.scene, job.density)?;
     let named = |e: crate::Error| e.of_file(&job.input);
     if job.density == Density::Duality {
-        let plan = Plan::for_scene(&scene.scene, job.density);
         let duality = Duality { seed: job.seed, ..Duality::default() };
-        let shot = Tracer::new(&scene.scene, &plan, duality.model).fill(STORED, job.seed, progress).map_err(named)?;
-        let regions = synthesise(&scene.scene, &shot.map, &duality, progress)?.regions;
-        if regions.is_empty() {
-            return Err(named(crate::Error::Scene {
-                reason: "the duality makes no region of it: hardly any light scatters twice".into(),
-                fix: "Use --density source, or a denser medium (--sigma-t)".into(),
-            }));
-        }
-        scene.scene.regions = regions;
+        let pass1 = Pass1::of(&scene.scene, STORED, &duality, &mut Clock::start(), progress).map_err(named)?;
+        scene.scene.regions = pass1.synthesis.regions;
     }
     let plan = Plan::for_scene(&scene.scene, Density::Source);
     let flux = flux::flux(&scene.scene, &plan, job.photons, job.seed, progress).map_err(named)?;

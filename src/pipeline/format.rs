@@ -129,9 +129,7 @@ fn check_density(who: &str, density: Density) -> Result<()> {
 fn check_photons(job: &Job, scene: &Scene) -> Result<()> {
     let usage = |text: String| Err(Error::Usage(text));
     let beam = job.picture.gather == Gathering::Beam;
-    if beam && job.duality.model == Model::Hura2006 {
-        return usage("--gather beam: the thesis has no beams; use --gather march with --model hura2006, or --model physical".into());
-    }
+    check_gather(job.picture.gather, job.duality.model)?;
     if job.density == Density::Duality {
         return Ok(());
     }
@@ -150,6 +148,18 @@ fn check_photons(job: &Job, scene: &Scene) -> Result<()> {
     }
     if job.duality.model == Model::Hura2006 && scene.voxel_grid().is_some() {
         return usage(format!("{} is a voxel grid, and the thesis marches homogeneous regions only: use --model physical", name(odd)));
+    }
+    Ok(())
+}
+
+/// Refuses beams in the thesis's own reading.
+///
+/// # Errors
+/// [`Error::Usage`].
+pub fn check_gather(gather: Gathering, model: Model) -> Result<()> {
+    if gather == Gathering::Beam && model == Model::Hura2006 {
+        let text = "--gather beam: the thesis has no beams; use --gather march with --model hura2006, or --model physical";
+        return Err(Error::Usage(text.into()));
     }
     Ok(())
 }

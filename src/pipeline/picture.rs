@@ -1,9 +1,7 @@
 //! From regions to a picture.
 
-use super::Job;
-use super::account::Clock;
 use crate::error::Result;
-use crate::export::report::{Render, Report};
+use crate::export::report::Render;
 use crate::film::Film;
 use crate::integrate::photon::{Gathering, PhotonSettings};
 use crate::integrate::{self, Integrator, RenderSettings};
@@ -41,6 +39,24 @@ impl Default for Picture {
     }
 }
 
+impl Picture {
+    /// What the integrators are told of it, with the photons, the model and the seed of a run.
+    pub fn settings(&self, framed: &Framed, photons: u64, duality: &Duality) -> RenderSettings {
+        let Picture { integrator, spp, gather, step, shadow_rays, .. } = *self;
+        let Duality { model, estimate, seed, .. } = *duality;
+        let photon = PhotonSettings { model, gather, photons, estimate, step, shadow_rays };
+        RenderSettings { integrator, width: framed.width, height: framed.height, spp, seed, photon }
+    }
+
+    /// What is missing in it, where anything is.
+    pub(super) fn note(&self, scene: &Scene) -> Option<String> {
+        let unscattered = self.integrator == Integrator::Photon && scene.sky.iter().any(|&c| c > 0.0);
+        unscattered.then(|| {
+            "the sky is seen, and lights surfaces, but stored photons come from the sun alone: its light is not scattered in regions; --integrator path scatters it".into()
+        })
+    }
+}
+
 /// The scene with the regions of the run in place of the layout's.
 pub fn lit<'a>(scene: &'a Scene, written: &[Region], density: Density) -> Cow<'a, Scene> {
     match density {
@@ -55,28 +71,21 @@ pub fn lit<'a>(scene: &'a Scene, written: &[Region], density: Density) -> Cow<'a
     }
 }
 
-/// Takes the picture of a scene, and tells the report. The photons of pass 1 light it where they are given.
-pub(super) fn take(
-    job: &Job,
+/// Takes the picture of a scene. The photons of pass 1 light it where they are given.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn take(
     scene: &Scene,
     framed: &Framed,
+    settings: &RenderSettings,
     pass1: Option<PhotonMap>,
-    report: &mut Report,
-    clock: &mut Clock,
     watch: &dyn Progress,
-) -> Result<Film> {
-    let Picture { integrator, spp, gather, step, shadow_rays, .. } = job.picture;
-    let Duality { model, estimate, seed, .. } = job.duality;
-    let photon = PhotonSettings { model, gather, photons: job.photons, estimate, step, shadow_rays };
-    let settings = RenderSettings { integrator, width: framed.width, height: framed.height, spp, seed, photon };
+) -> Result<(Film, Render)> {
     // The effects of what is rendered: regions of the duality overlap where those of the layout may not.
     let plan = Plan::for_scene(scene, Density::Source);
     let begun = Instant::now();
-    let rendering = integrate::render(scene, &plan, &framed.camera, &settings, pass1, watch)?;
-    if integrator == Integrator::Photon && scene.sky.iter().any(|&c| c > 0.0) {
-        report.notes.push("the sky is seen, and lights surfaces, but stored photons come from the sun alone: its light is not scattered in regions; --integrator path scatters it".into());
-    }
-    report.render = Some(Render::of(&settings, &rendering, begun.elapsed().as_secs_f64()));
-    clock.end("render");
-    Ok(rendering.film)
+    let rendering = integrate::render(scene, &plan, &framed.camera, settings, pass1, watch)?;
+    let render = Render::of(settings, &rendering, begun.elapsed().as_secs_f64());
+    Ok((rendering.film, render))
 }

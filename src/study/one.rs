@@ -1,17 +1,17 @@
 //! One picture of the study by the photon integrator, timed and weighed; and the duality alone, for other seeds.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::export::report::{Render, peak_memory};
 use crate::film::Film;
 use crate::import::Layout;
-use crate::integrate::photon::{Gathering, PhotonSettings};
-use crate::integrate::{self, Integrator, RenderSettings};
-use crate::photon::{Model, PhotonMap, Tracer};
-use crate::pipeline::lit;
-use crate::plan::{Density, Plan};
+use crate::integrate::Integrator;
+use crate::integrate::photon::Gathering;
+use crate::photon::Model;
+use crate::pipeline::{self, Clock, Pass1, Picture, lit};
+use crate::plan::Density;
 use crate::progress::Progress;
-use crate::regions::{Duality, synthesise};
-use crate::scene::{Region, View};
+use crate::regions::Duality;
+use crate::scene::View;
 use crate::stats::Estimate;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -49,29 +49,23 @@ pub(super) struct Taken {
     pub sunlight: Option<[Estimate; 2]>,
 }
 
-/// The duality of a layout: the photons of pass 1 and the regions made of them.
-fn duality(given: &Given, how: &How, progress: &dyn Progress) -> Result<(Tracer, PhotonMap, Vec<Region>)> {
-    let named = |e: Error| e.of_file(&given.input);
-    let scene = &given.layout.scene;
-    let tracer = Tracer::new(scene, &Plan::for_scene(scene, Density::Duality), how.model);
-    let shot = tracer.fill(how.photons, how.seed, progress).map_err(named)?;
-    let duality = Duality { model: how.model, estimate: Some(how.estimate), seed: how.seed, ..Duality::default() };
-    let regions = synthesise(scene, &shot.map, &duality, progress)?.regions;
-    if regions.is_empty() {
-        return Err(named(Error::Scene {
-            reason: "the duality makes no region of it: hardly any light scatters twice".into(),
-            fix: "Name the thesis's scenes, scenes/hura2006_1.gltf and so on, or a denser layout".into(),
-        }));
+impl How {
+    fn duality(&self) -> Duality {
+        Duality { model: self.model, estimate: Some(self.estimate), seed: self.seed, ..Duality::default() }
     }
-    Ok((tracer, shot.map, regions))
+
+    fn pass1(&self, given: &Given, progress: &dyn Progress) -> Result<Pass1> {
+        let pass1 = Pass1::of(&given.layout.scene, self.photons, &self.duality(), &mut Clock::start(), progress);
+        pass1.map_err(|e| e.of_file(&given.input))
+    }
 }
 
 /// How many regions the duality makes with another seed.
 pub(super) fn count(given: &Given, how: &How, progress: &dyn Progress) -> Result<u64> {
-    Ok(duality(given, how, progress)?.2.len() as u64)
+    Ok(how.pass1(given, progress)?.synthesis.regions.len() as u64)
 }
 
-/// Takes a picture of a layout, or of the regions that the duality makes of it: what the main job does with the same settings.
+/// Takes a picture of a layout, or of the regions that the duality makes of it, by the steps of the main job.
 pub(super) fn take(given: &Given, density: Density, how: &How, progress: &dyn Progress) -> Result<Taken> {
     let scene = &given.layout.scene;
     forget_peak();
@@ -79,31 +73,20 @@ pub(super) fn take(given: &Given, density: Density, how: &How, progress: &dyn Pr
     let (regions, pass1, sunlight) = match density {
         Density::Source => (scene.regions.clone(), None, None),
         Density::Duality => {
-            let (tracer, map, regions) = duality(given, how, progress)?;
-            let (before, after) = tracer.sunlight_through(&regions, how.seed);
-            // To the letter, the photons that made the regions also light them.
-            (regions, (how.model == Model::Hura2006).then_some(map), Some([before, after]))
+            let pass1 = how.pass1(given, progress)?;
+            let (before, after) = pass1.tracer.sunlight_through(&pass1.synthesis.regions, how.seed);
+            let (regions, map) = pass1.regions(how.model);
+            (regions, map, Some([before, after]))
         }
     };
-    let scene = lit(scene, &regions, density);
     let view = View { size: Some(how.size), ..View::default() };
-    let framed = view.frame(&given.layout.scene).map_err(|e| e.of_file(&given.input))?;
-    let photon = PhotonSettings {
-        model: how.model,
-        gather: how.gather,
-        photons: how.photons,
-        estimate: Some(how.estimate),
-        shadow_rays: super::thesis::SAMPLES,
-        ..PhotonSettings::default()
-    };
-    let [width, height] = how.size;
-    let settings = RenderSettings { integrator: how.integrator, width, height, spp: how.spp, seed: how.seed, photon };
-    let plan = Plan::for_scene(&scene, Density::Source);
-    let started = Instant::now();
-    let rendering = integrate::render(&scene, &plan, &framed.camera, &settings, pass1, progress)?;
-    let render = Render::of(&settings, &rendering, started.elapsed().as_secs_f64());
+    let framed = view.frame(scene).map_err(|e| e.of_file(&given.input))?;
+    let How { integrator, gather, spp, .. } = *how;
+    let picture = Picture { integrator, gather, spp, shadow_rays: super::thesis::SAMPLES, view, ..Picture::default() };
+    let settings = picture.settings(&framed, how.photons, &how.duality());
+    let (film, render) = pipeline::take(&lit(scene, &regions, density), &framed, &settings, pass1, progress)?;
     let (seconds, memory) = (begun.elapsed().as_secs_f64(), peak_memory());
-    Ok(Taken { film: rendering.film, render, regions: regions.len() as u64, seconds, memory, sunlight })
+    Ok(Taken { film, render, regions: regions.len() as u64, seconds, memory, sunlight })
 }
 
 /// Lets the system forget the most memory that this process has held: the next peak is the next picture's. Where that is not

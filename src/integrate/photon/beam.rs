@@ -11,7 +11,7 @@ use crate::bvh::{Box3, Bvh};
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::media::Media;
-use crate::photon::{Nearest, Neighbourhood, Photon, unpack_direction};
+use crate::photon::{Nearest, Neighbourhood, Photon, bounds, unpack_direction};
 use crate::progress::Progress;
 use crate::rng::Rng;
 use glam::Vec3;
@@ -67,8 +67,7 @@ impl Beams {
             .collect();
         progress.check()?;
         let around = |(block, &radius): (&[Photon], &f32)| {
-            let at = |p: &Photon| Vec3::from_array(p.position);
-            let (min, max) = block.iter().map(at).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+            let Box3 { min, max } = bounds(block);
             Some(Box3 { min: min - radius, max: max + radius })
         };
         let bvh = Bvh::new(&photons.chunks(BLOCK).zip(&radii).map(around).collect::<Vec<_>>(), 2);

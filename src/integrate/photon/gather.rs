@@ -1,5 +1,6 @@
 //! The volume radiance estimate (thesis eqs 23, 30): light scattered at a point, from the n stored photons nearest to it.
 
+use crate::geom::Tile;
 use crate::media::Media;
 use crate::photon::{GROUPS, Model, Nearest, Neighbourhood, Photon, unpack_direction};
 use glam::Vec3;
@@ -22,7 +23,7 @@ pub(super) type Groups = [f64; GROUPS];
 
 impl Gather {
     /// Estimates of `estimate` photons each; `photons` and `tile` as in [`Nearest::new`].
-    pub(super) fn new(photons: Vec<Photon>, estimate: u64, model: Model, tile: Option<(Vec3, Vec3)>) -> Self {
+    pub(super) fn new(photons: Vec<Photon>, estimate: u64, model: Model, tile: Option<Tile>) -> Self {
         let strongest = photons.iter().map(|p| p.power).fold(0.0, f32::max);
         Gather { nearest: Nearest::new(photons, estimate, tile), model, strongest }
     }

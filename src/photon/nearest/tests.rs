@@ -22,9 +22,9 @@ fn sorted(photons: &[Photon], p: Vec3, n: usize, shifts: &[Vec3]) -> Vec<f32> {
 }
 
 /// Found one after the other with one neighbourhood, and each by sorting.
-fn check(name: &str, photons: Vec<Photon>, n: u64, tile: Option<(Vec3, Vec3)>, points: &[Vec3]) {
+fn check(name: &str, photons: Vec<Photon>, n: u64, tile: Option<Tile>, points: &[Vec3]) {
     let nearest = Nearest::new(photons.clone(), n, tile);
-    let size = tile.map_or(Vec3::ZERO, |(min, max)| max - min);
+    let size = tile.map_or(Vec3::ZERO, |tile| tile.size());
     let shifts: Vec<Vec3> = if tile.is_some() {
         (-2..=2).flat_map(|x| (-2..=2).map(move |y| Vec3::new(x as f32 * size.x, y as f32 * size.y, 0.0))).collect()
     } else {
@@ -74,7 +74,7 @@ fn across_a_tiles_seam_photons_are_found_on_both_sides() {
     let photons: Vec<Photon> = (0..800).map(|_| photon(min + (max - min) * rng.uniform_vec3())).collect();
     let points: Vec<Vec3> = (0..80).map(|_| (min + (max - min) * rng.uniform_vec3()) * Vec3::new(3.0, 3.0, 1.0)).collect();
     for n in [1, 40, 400] {
-        check("tile", photons.clone(), n, Some((min, max)), &points);
+        check("tile", photons.clone(), n, Some(Tile { min, max }), &points);
     }
 }
 

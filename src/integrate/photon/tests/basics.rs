@@ -11,7 +11,7 @@ use crate::progress::Silent;
 use crate::rng::Stage;
 use crate::sampling::unit_ball;
 use crate::scene::phase::henyey_greenstein;
-use crate::scene::{Camera, Shape, Sun};
+use crate::scene::{Camera, Mesh, Shape, Sun};
 use glam::{DAffine3, DMat3};
 
 fn region(centre: DVec3, radius: f64, medium: Medium) -> Region {
@@ -132,7 +132,9 @@ fn camera(z: f64) -> Camera {
 
 fn picture(scene: &Scene, settings: &RenderSettings, pass1: Option<PhotonMap>) -> (Film, Lighting) {
     let plan = Plan::for_scene(scene, Density::Source);
-    let r = render(scene, &plan, &camera(if scene.regions.is_empty() { 4.0 } else { 3.0 }), settings, pass1, &Silent).unwrap();
+    // So far that everything is seen.
+    let far = 3.0 + scene.region_bounds().size().x;
+    let r = render(scene, &plan, &camera(far), settings, pass1, &Silent).unwrap();
     let sound =
         |p: &Pixel| p.combined().iter().chain(&p.standard_error).chain([&p.depth, &p.transmittance]).all(|c| c.is_finite() && *c >= 0.0);
     assert!(r.film.pixels.iter().all(sound));
@@ -203,6 +205,16 @@ fn scenes_without_stored_light_are_rendered() {
     assert!(thin.mean() > 0.0 && thin.mean() < 1e-8, "{}", thin.mean());
     let (half, _) = spare(&|s| s.regions[1].medium = Medium::grey(0.0, 5.0, 0.0));
     assert!(half.mean() > 0.0);
+    // One of the two under a roof, where no light comes.
+    let (shaded, lighting) = spare(&|s| {
+        s.regions[1].shape = Shape::sphere(DVec3::X * 6.0, 0.6);
+        let corner = |x: f64, y: f64| DVec3::new(6.0 + 2.0 * x, 2.0 * y, 2.0);
+        let vertices = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+        let mesh = Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] };
+        s.surfaces.push(Surface { name: "roof".into(), mesh, albedo: [0.0; 3] });
+        s.sun.direction = DVec3::NEG_Z;
+    });
+    assert!(shaded.mean() > 0.0 && lighting.stored == 1000);
     let (sky, _) = spare(&|s| (s.regions, s.sky) = (Vec::new(), [0.5; 3]));
     assert!((sky.mean() - 0.5).abs() < 1e-6, "{}", sky.mean());
 }

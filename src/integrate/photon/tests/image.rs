@@ -35,7 +35,7 @@ pub(super) fn balls() -> Scene {
 
 pub(super) fn picture(scene: &Scene, integrator: Integrator, spp: u32, seed: u64, photon: PhotonSettings) -> Rendering {
     let settings = RenderSettings { integrator, width: SIZE, height: SIZE, spp, seed, photon };
-    render(scene, &plan(scene), &camera(), &settings, None, &Silent).unwrap()
+    render(scene, &plan(scene), &scene.camera.unwrap_or_else(camera), &settings, None, &Silent).unwrap()
 }
 
 /// The three channels of every pixel.
@@ -160,5 +160,14 @@ fn pictures_become_the_path_tracer_s_up_to_three_million_photons() {
 fn colours_layers_and_voxels_too() {
     for (name, scene) in [("colours", colours()), ("layer", layer()), ("voxels", voxels())] {
         converges(name, &scene, Gathering::March, (16, 2048), &[(3_000, 10), (200_000, 24)]);
+    }
+}
+
+#[test]
+fn a_camera_inside_regions_sees_what_the_path_tracer_does() {
+    // In the overlap of two balls, looking out through the rest of one of them.
+    let inside = Camera::look_at(DVec3::new(0.1, 0.3, 0.1), DVec3::new(0.6, -0.6, 0.0), 0.9).unwrap();
+    for gather in [Gathering::March, Gathering::Beam] {
+        converges("inside", &Scene { camera: Some(inside), ..balls() }, gather, (8, 2048), &[(3_000, 10), (200_000, 40)]);
     }
 }
