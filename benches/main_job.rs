@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// The demo's cumulus of 21 spheres; without its ground, `denser` times as dense (1: optical depth 20 across the cloud).
 fn cumulus(denser: f64) -> Scene {
-    let layout = load(Path::new("scenes/cumulus.gltf"), &ImportOptions::default()).unwrap();
+    let layout = load(Path::new("scenes/cumulus.gltf"), &ImportOptions::default(), &Silent).unwrap();
     let mut scene = layout.scene;
     scene.surfaces = Vec::<Surface>::new();
     for region in &mut scene.regions {
@@ -79,9 +79,9 @@ fn import(c: &mut Criterion) {
     cloudvdb::export::glb::write(&path, &Scene::default(), &many[..1]).unwrap();
     cloudvdb::export::glb::write(&copy, &Scene::default(), &many).unwrap();
     let mut group = c.benchmark_group("import");
-    group.bench_function("1 sphere", |b| b.iter(|| load(&path, &ImportOptions::default()).unwrap()));
+    group.bench_function("1 sphere", |b| b.iter(|| load(&path, &ImportOptions::default(), &Silent).unwrap()));
     group.bench_function("10,000 spheres", |b| {
-        b.iter(|| assert_eq!(load(&copy, &ImportOptions::default()).unwrap().scene.regions.len(), 10_000))
+        b.iter(|| assert_eq!(load(&copy, &ImportOptions::default(), &Silent).unwrap().scene.regions.len(), 10_000))
     });
     group.finish();
 }

@@ -26,7 +26,9 @@
 //! | [`regions`] | the duality: new regions out of stored photons |
 //! | [`integrate`] | what a camera sees of a scene: by unbiased path tracing, or by the thesis's pass 2; where the energy goes |
 //! | [`film`] | what each pixel receives, by the way it came, with its standard error |
-//! | [`export`] | voxels, OpenVDB grids, regions as glTF, pictures, the report |
+//! | [`sculpt`] | metaballs, soft meshes, turbulent detail: what varies within itself, made into voxels |
+//! | [`voxelise`] | regions to voxels, their optical mass kept |
+//! | [`export`] | OpenVDB grids, regions as glTF, pictures, the report |
 //! | [`vdb`] | OpenVDB behind a safe interface; the only unsafe code is its bridge |
 //! | [`study`] | the thesis's evaluation again, its tables beside ours |
 //! | [`cli`] | arguments, progress, signals, exit codes |
@@ -86,9 +88,11 @@ pub mod regions;
 pub mod rng;
 pub mod sampling;
 pub mod scene;
+pub mod sculpt;
 pub mod stats;
 pub mod study;
 pub mod trimesh;
 pub mod vdb;
+pub mod voxelise;
 
 pub use error::{Error, Result};

@@ -60,7 +60,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     let mut clock = Clock::start();
     let targets = Targets::of(job)?;
     progress.begin("import", 1);
-    let layout = import::load(&job.input, &job.import)?;
+    let layout = import::load(&job.input, &job.import, progress)?;
     targets.check(job, &layout)?;
     let plan = Plan::for_scene(&layout.scene, job.density);
     clock.end("import");

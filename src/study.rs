@@ -115,7 +115,7 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
     let begun = Instant::now();
     check_gather(job.gather.unwrap_or_default(), job.model)?;
     progress.begin("import", 1);
-    let given = load(&job.inputs)?;
+    let given = load(&job.inputs, progress)?;
     let parts = chosen(job, &given)?;
     let files = Files::of(job, &parts)?;
     let mut findings = Findings { model: job.model, seed: job.seed, tests: Vec::new(), savings: Vec::new(), seconds: 0.0 };
@@ -145,10 +145,10 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
 }
 
 /// Reads the layouts.
-fn load(inputs: &[PathBuf]) -> Result<Vec<Given>> {
+fn load(inputs: &[PathBuf], progress: &dyn Progress) -> Result<Vec<Given>> {
     let mut all: Vec<Given> = Vec::new();
     for input in inputs {
-        let given = Given { input: input.clone(), layout: import::load(input, &ImportOptions::default())? };
+        let given = Given { input: input.clone(), layout: import::load(input, &ImportOptions::default(), progress)? };
         let regions = &given.layout.scene.regions;
         if let Some(region) = regions.iter().find(|r| r.shape.is_endless() || given.layout.scene.voxel_grid().is_some()) {
             return Err(Error::Usage(format!(

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 /// The core, from the ground up: a module knows only those of a smaller number, and itself.
-const CORE: [(&str, u32); 17] = [
+const CORE: [(&str, u32); 19] = [
     ("geom", 0),
     ("rng", 0),
     ("stats", 0),
@@ -15,6 +15,8 @@ const CORE: [(&str, u32); 17] = [
     ("scene", 2),
     ("trimesh", 3),
     ("plan", 3),
+    ("voxelise", 4),
+    ("sculpt", 5),
     ("media", 4),
     ("photon", 5),
     ("regions", 6),

@@ -4,7 +4,6 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use cloudvdb::Error;
-use cloudvdb::export::voxelise::{Up, voxel_size, voxelise};
 use cloudvdb::geom::Bounds;
 use cloudvdb::photon::trace::Fate;
 use cloudvdb::photon::{Model, Shot, Tracer};
@@ -15,6 +14,7 @@ use cloudvdb::rng::{Rng, Stage};
 use cloudvdb::sampling::unit_ball;
 use cloudvdb::scene::{Medium, Mesh, Region, Scene, Shape, Sun, Surface};
 use cloudvdb::stats::Estimate;
+use cloudvdb::voxelise::{Up, voxel_size, voxelise};
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 use std::time::Instant;

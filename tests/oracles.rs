@@ -3,7 +3,6 @@
 //! `cargo test --release --test oracles -- --nocapture` prints every figure with its error.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use cloudvdb::export::voxelise::{Up, voxelise};
 use cloudvdb::integrate::flux::{Flux, flux};
 use cloudvdb::integrate::photon::PhotonSettings;
 use cloudvdb::integrate::{Integrator, RenderSettings, Rendering, render};
@@ -11,6 +10,7 @@ use cloudvdb::plan::{Density, Plan};
 use cloudvdb::progress::Silent;
 use cloudvdb::scene::{BrickGrid, Camera, Medium, Mesh, Region, Scene, Shape, Sun, Surface, VoxelGrid};
 use cloudvdb::stats::Estimate;
+use cloudvdb::voxelise::{Up, voxelise};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use std::sync::Arc;
 

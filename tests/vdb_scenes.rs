@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use cloudvdb::import::{Became, ImportOptions, Layout, load};
+use cloudvdb::progress::Silent;
 use cloudvdb::scene::{BrickGrid, Overrides, Shape, Sun, VoxelGrid};
 use cloudvdb::vdb::{GridOut, Meta, write};
 use cloudvdb::{Error, Result};
@@ -24,7 +25,7 @@ fn read(grids: &[GridOut], metadata: &[(String, Meta)], options: &ImportOptions)
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud.VDB");
     write(&path, grids, metadata).unwrap();
-    load(&path, options)
+    load(&path, options, &Silent)
 }
 
 fn plain(grids: &[GridOut]) -> Result<Layout> {
@@ -161,7 +162,7 @@ fn what_is_no_cloud_is_refused() {
     let patterned = ImportOptions { regions: Some("*".into()), ..ImportOptions::default() };
     refused(read(&[out("density", &density, &[])], &[], &patterned), &["--regions", "--grid"]);
     let named = ImportOptions { grid: Some("density".into()), ..ImportOptions::default() };
-    let error = load(Path::new("scenes/cumulus.gltf"), &named).unwrap_err();
+    let error = load(Path::new("scenes/cumulus.gltf"), &named, &Silent).unwrap_err();
     assert!(matches!(error, Error::Usage(_)) && error.to_string().contains("--grid density"), "{error}");
 }
 
@@ -186,15 +187,15 @@ fn active_zeros_are_part_of_a_tile() {
     }
     let output = python(&script).unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let layout = load(&path, &ImportOptions::default()).unwrap();
+    let layout = load(&path, &ImportOptions::default(), &Silent).unwrap();
     assert_eq!((grid(&layout, 0).min, grid(&layout, 0).max), ([0; 3], [31, 3, 7]));
     assert_eq!(grid(&layout, 0).integral(), 5.0 * 4.0 * 8.0);
     let named = |name: &str| ImportOptions { grid: Some(name.into()), ..ImportOptions::default() };
-    refused(load(&path, &named("ball")), &["\"ball\"", "level set", "fog volume"]);
-    refused(load(&path, &named("nan")), &["\"nan\"", "27 samples", "not finite"]);
+    refused(load(&path, &named("ball"), &Silent), &["\"ball\"", "level set", "fog volume"]);
+    refused(load(&path, &named("nan"), &Silent), &["\"nan\"", "27 samples", "not finite"]);
     for (name, words) in [("ball", ["level set", "fog volume"]), ("nan", ["27 samples", "not finite"])] {
         let (_folder, layout) = beside(&json!({"shape": "vdb", "file": &path, "grid": name}), &json!({}), &[], &[]);
-        refused(load(&layout, &ImportOptions::default()), &[["layout.gltf", "node \"Smoke\""], words].concat());
+        refused(load(&layout, &ImportOptions::default(), &Silent), &[["layout.gltf", "node \"Smoke\""], words].concat());
     }
 }
 
@@ -212,7 +213,7 @@ fn beside(extras: &Value, node: &Value, grids: &[GridOut], metadata: &[(String, 
 
 fn read_beside(extras: &Value, node: &Value, grids: &[GridOut], metadata: &[(String, Meta)]) -> Result<Layout> {
     let (_folder, path) = beside(extras, node, grids, metadata);
-    load(&path, &ImportOptions::default())
+    load(&path, &ImportOptions::default(), &Silent)
 }
 
 #[test]
@@ -318,10 +319,10 @@ fn refuse_quietly(extras: &Value, density: &BrickGrid) {
 #[test]
 fn a_vdb_goes_through_the_pipeline() {
     use cloudvdb::export::vdb::{GridName, VdbOptions};
-    use cloudvdb::export::voxelise::Up;
     use cloudvdb::pipeline::{Job, Picture, run, usual_density};
     use cloudvdb::plan::Density;
     use cloudvdb::progress::Silent;
+    use cloudvdb::voxelise::Up;
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("in.vdb");
     write(&input, &[out("density", &bricks(1.0), &[float("density_scale", 25.0)])], &[]).unwrap();

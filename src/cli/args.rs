@@ -5,13 +5,13 @@ use super::scene::SceneArguments;
 use super::study::StudyArguments;
 use crate::error::Error;
 use crate::export::vdb::{GridName, VdbOptions};
-use crate::export::voxelise::Up;
 use crate::integrate::Integrator;
 use crate::integrate::photon::Gathering;
 use crate::photon::Model;
 use crate::pipeline::{Job, Picture, usual_density};
 use crate::plan::Density;
 use crate::regions::{Duality, Placement};
+use crate::voxelise::Up;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -101,12 +101,6 @@ pub struct Run {
     /// Photons that must lie within the search distance [default: the square root of a region's photons]
     #[arg(long, value_name = "N", value_parser = count)]
     pub estimate: Option<u64>,
-    /// Voxel size in metres [default: a third of the smallest region's half extent, or 1/128 of the whole]
-    #[arg(long, value_name = "METRES", value_parser = length)]
-    pub voxel_size: Option<f64>,
-    /// The most active voxels a grid may have
-    #[arg(long, value_name = "N", default_value = "16777216", value_parser = count)]
-    pub max_voxels: u64,
     /// The axis that points up in the grid: z for Blender, y for Houdini, Unreal and USD
     #[arg(long, value_enum, default_value_t = UpArgument::Z)]
     pub up: UpArgument,
@@ -162,7 +156,7 @@ impl Run {
         if self.outputs.is_empty() && !self.dry_run && !self.json {
             return usage("say what to write: -o cloud.vdb (or --json for the report on stdout, or --dry-run)");
         }
-        if self.photons == 0 || self.estimate == Some(0) || self.max_voxels == 0 {
+        if self.photons == 0 || self.estimate == Some(0) || self.scene.max_voxels == 0 {
             return usage("--photons, --estimate and --max-voxels must be at least 1");
         }
         if self.photons > u64::from(u32::MAX) {
@@ -182,7 +176,13 @@ impl Run {
             import: self.scene.import(),
             photons: self.photons,
             duality: Duality { model: self.model.into(), placement: self.placement.into(), estimate: self.estimate, seed: self.seed },
-            vdb: VdbOptions { voxel_size: self.voxel_size, max_voxels: self.max_voxels, up: self.up.into(), half: !self.float32, grids },
+            vdb: VdbOptions {
+                voxel_size: self.scene.voxel_size,
+                max_voxels: self.scene.max_voxels,
+                up: self.up.into(),
+                half: !self.float32,
+                grids,
+            },
             picture: Picture {
                 integrator: self.integrator.into(),
                 spp,
@@ -280,7 +280,7 @@ pub(super) fn count(text: &str) -> Result<u64, String> {
 }
 
 /// A length above zero.
-fn length(text: &str) -> Result<f64, String> {
+pub(super) fn length(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err(format!("{text:?} is not a length in metres above 0")),

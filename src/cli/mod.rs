@@ -12,6 +12,7 @@ use crate::export::report::plan_table;
 use crate::import;
 use crate::pipeline;
 use crate::plan::Plan;
+use crate::progress::Silent;
 use args::{Arguments, Command, Manners, PlanArguments, ProgressStyle, Run};
 use clap::{CommandFactory, Parser};
 use progress::Watch;
@@ -83,7 +84,7 @@ fn watched(&Manners { threads, progress: style, quiet }: &Manners) -> Result<Wat
 }
 
 fn show_plan(arguments: &PlanArguments) -> Result<(), Error> {
-    let layout = import::load(&arguments.input, &arguments.scene.import())?;
+    let layout = import::load(&arguments.input, &arguments.scene.import(), &Silent)?;
     pipeline::check_scene(&arguments.input, &layout.scene, arguments.density.into())?;
     let plan = Plan::for_scene(&layout.scene, arguments.density.into());
     let text = if arguments.json {

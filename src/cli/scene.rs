@@ -1,8 +1,10 @@
 //! The flags that say what a file does not, or override what it says: media, sun, sky, camera.
 
-use crate::import::ImportOptions;
+use super::args::{count, length};
+use crate::import::{ImportOptions, MAX_VOXELS};
 use crate::scene::view::LONGEST;
 use crate::scene::{Overrides, View};
+use crate::sculpt::{DetailRequest, Genus, MOST_OCTAVES, MOST_STRENGTH};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 
@@ -43,6 +45,15 @@ pub struct SceneArguments {
     /// Repeat grids horizontally without end
     #[arg(long, value_enum, value_name = "AXES")]
     pub periodic: Option<Periodic>,
+    /// Turbulent detail of every region, in place of the file's: none or a genus, with options behind it as in congestus:size=80,strength=0.7,octaves=6,seed=2
+    #[arg(long, value_name = "GENUS", value_parser = detail)]
+    pub detail: Option<Detail>,
+    /// Voxel size in metres [default: a third of the smallest region's half extent or of the smallest detail, or 1/128 of the whole]
+    #[arg(long, value_name = "METRES", value_parser = length)]
+    pub voxel_size: Option<f64>,
+    /// The most active voxels a grid may have
+    #[arg(long, value_name = "N", default_value_t = MAX_VOXELS, value_parser = count)]
+    pub max_voxels: u64,
     /// Where the camera stands, in metres [default: the file's camera, or one that frames the regions]
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
     pub camera: Option<DVec3>,
@@ -59,6 +70,8 @@ pub struct SceneArguments {
 
 /// One number for each of red, green and blue.
 type Rgb = [f64; 3];
+/// A detail, or expressly none.
+type Detail = Option<DetailRequest>;
 /// An angle in radians, given in degrees.
 type Radians = f64;
 
@@ -86,6 +99,9 @@ impl SceneArguments {
                 sky: self.sky,
                 periodic: self.periodic.is_some(),
             },
+            detail: self.detail,
+            voxel_size: self.voxel_size,
+            max_voxels: self.max_voxels,
         }
     }
 
@@ -148,6 +164,35 @@ fn field_of_view(text: &str) -> Result<Radians, String> {
     degrees.map(f64::to_radians).ok_or_else(|| format!("{text:?} is not an angle in degrees between 0 and 180"))
 }
 
+fn detail(text: &str) -> Result<Detail, String> {
+    let (name, options) = text.split_once(':').unwrap_or((text, ""));
+    if name == "none" && options.is_empty() {
+        return Ok(None);
+    }
+    let names = Genus::NAMES.map(|(name, _)| name).join(", ");
+    let genus = Genus::NAMES.iter().find(|(known, _)| *known == name);
+    let genus = genus.ok_or_else(|| format!("{name:?} is no genus: say none, or one of {names}"))?.1;
+    let mut detail = DetailRequest::new(genus);
+    for option in options.split(',').filter(|option| !option.is_empty()) {
+        let (key, value) = option.split_once('=').unwrap_or((option, ""));
+        let real = |fine: fn(f64) -> bool, what: &str| {
+            number(value).filter(|&v| fine(v)).ok_or_else(|| format!("{option:?}: {key} must be {what}"))
+        };
+        let whole = |least: u32, most: u32| {
+            let fine = value.parse().ok().filter(|n| (least..=most).contains(n));
+            fine.ok_or_else(|| format!("{option:?}: {key} must be a whole number from {least} to {most}"))
+        };
+        match key {
+            "strength" => detail.strength = real(|v| (0.0..=MOST_STRENGTH).contains(&v), "a number from 0 to 4")?,
+            "size" => detail.size = Some(real(|v| v > 0.0, "a number of metres above 0")?),
+            "octaves" => detail.octaves = whole(1, MOST_OCTAVES)?,
+            "seed" => detail.seed = whole(0, u32::MAX)?,
+            _ => return Err(format!("{option:?}: a detail has strength, size, octaves and seed, each with = and a number")),
+        }
+    }
+    Ok(Some(detail))
+}
+
 pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     let side = |text: &str| text.trim().parse::<u32>().ok().filter(|n| (1..=LONGEST).contains(n));
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
@@ -165,6 +210,17 @@ mod tests {
         assert_eq!((mean_cosine("-0.3"), extinction("25"), sun_angle("0")), (Ok(-0.3), Ok(25.0), Ok(0.0)));
         assert_eq!((direction("-3,0,0"), point("1,-2,3.5")), (Ok(DVec3::NEG_X), Ok(DVec3::new(1.0, -2.0, 3.5))));
         assert_eq!((field_of_view("90"), size("640x360")), (Ok(std::f64::consts::FRAC_PI_2), Ok([640, 360])));
+    }
+
+    #[test]
+    fn details_read_as_people_write_them() {
+        let congestus = DetailRequest::new(Genus::Congestus);
+        assert_eq!((detail("none"), detail("congestus")), (Ok(None), Ok(Some(congestus))));
+        let full = DetailRequest { strength: 0.5, size: Some(80.0), octaves: 3, seed: 9, ..congestus };
+        assert_eq!(detail("congestus:strength=0.5,size=80,octaves=3,seed=9"), Ok(Some(full)));
+        let wrong =
+            ["", "nimbus", "none:size=3", "cirrus:size", "cirrus:size=0", "cirrus:octaves=13", "cirrus:strength=5", "cirrus:wind=3"];
+        assert!(wrong.iter().all(|t| detail(t).is_err()));
     }
 
     #[test]

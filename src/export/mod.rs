@@ -6,4 +6,3 @@ pub mod png;
 pub mod report;
 pub mod staged;
 pub mod vdb;
-pub mod voxelise;

@@ -1,7 +1,6 @@
 //! The report: what was found, planned, done and written, with seconds and errors. JSON, and a table for people.
 
 use super::vdb::GridSummary;
-use super::voxelise::Up;
 use crate::error::Result;
 use crate::import::{Became, Finding};
 use crate::photon::trace::{FATES, Fate};
@@ -10,6 +9,7 @@ use crate::plan::{Density, Effect, Plan};
 use crate::regions::{Placement, Source};
 use crate::scene::Overrides;
 use crate::stats::Estimate;
+use crate::voxelise::Up;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -1,11 +1,11 @@
 //! The VDB that Blender opens: which grids, at which voxel size, with which metadata.
 
-use super::voxelise::{Up, voxel_size, voxelise};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::scene::{BrickGrid, Region, Scene};
 pub use crate::vdb::limit_threads;
 use crate::vdb::{GridOut, Meta, write};
+use crate::voxelise::{Up, voxel_size, voxelise};
 use serde::Serialize;
 use std::path::Path;
 

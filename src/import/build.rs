@@ -4,16 +4,20 @@ use super::{
     Became, Finding, ImportOptions, Layout,
     at::{At, file_error},
     buffers::Buffers,
-    extras::{self, SceneSpec},
+    extras::{self, SceneSpec, Spec},
     json,
-    medium::{self, Filling, MediumSpec},
+    medium::{Filling, MediumSpec},
     mesh::{self, RawMesh, Summary},
+    metaballs::Balls,
+    settle::{self, Draft},
     vdb,
     walk::{Visit, node_at},
 };
 use crate::{
     Error, Result,
-    scene::{Medium, Region, Scene, Shape, Surface},
+    progress::Progress,
+    scene::{Scene, Surface},
+    sculpt::{Element, Metaballs, Solid},
 };
 use glam::DAffine3;
 use rayon::prelude::*;
@@ -21,6 +25,7 @@ use sha2::{Digest, Sha256};
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 /// The albedo of a surface whose material gives none.
@@ -42,13 +47,23 @@ pub(super) struct Builder<'a> {
     pub lost_metaballs: Vec<String>,
     /// The VDBs that nodes name, each once, with the SHA-256 of their bytes.
     pub volumes: Vec<(PathBuf, String)>,
-    fillings: Vec<Filling>,
+    drafts: Vec<Draft>,
+    families: Vec<Family>,
     summaries: Vec<Option<Result<Summary>>>,
     last_mesh: Option<(usize, RawMesh)>,
     materials: Vec<Option<MediumSpec>>,
     vertices: usize,
     /// Assumptions that many nodes may share: how many, and the first one's name.
     tallies: BTreeMap<&'static str, (usize, String)>,
+}
+
+/// A family of metaballs as its nodes are found: the object with the lowest number says threshold and medium.
+struct Family {
+    name: String,
+    number: u64,
+    threshold: f64,
+    elements: Vec<Element>,
+    draft: usize,
 }
 
 impl<'a> Builder<'a> {
@@ -64,7 +79,8 @@ impl<'a> Builder<'a> {
             notes: Vec::new(),
             lost_metaballs: Vec::new(),
             volumes: Vec::new(),
-            fillings: Vec::new(),
+            drafts: Vec::new(),
+            families: Vec::new(),
             summaries: Vec::new(),
             last_mesh: None,
             materials: vec![None; root.materials.len()],
@@ -138,9 +154,34 @@ impl<'a> Builder<'a> {
     }
 
     /// Adds a region; its medium is settled when all are known. `inner` is what its material says, or its VDB.
-    pub fn region(&mut self, name: String, shape: Shape, node: &MediumSpec, inner: &MediumSpec) {
-        self.fillings.push(Filling::new(&[self.scene_spec.medium, *inner, *node]));
-        self.scene.regions.push(Region { name, shape, medium: Medium::grey(0.0, 0.0, 0.0), photons: None });
+    pub fn region(&mut self, name: String, solid: Solid, node: &Spec, inner: &MediumSpec) {
+        let draft = self.draft(name, solid, node, inner);
+        self.drafts.push(draft);
+    }
+
+    fn draft(&self, name: String, solid: Solid, node: &Spec, inner: &MediumSpec) -> Draft {
+        let filling = Filling::new(&[self.scene_spec.medium, *inner, node.medium]);
+        let detail = self.options.detail.or(node.detail).or(self.scene_spec.detail).flatten();
+        Draft { name, solid, filling, detail, falloff: node.falloff.unwrap_or(0.0) }
+    }
+
+    /// Adds an object's metaballs to their family.
+    pub fn family(&mut self, balls: Balls, node: &Spec) {
+        let Balls { family: name, number, threshold, elements } = balls;
+        let Some(known) = self.families.iter().position(|family| family.name == name) else {
+            // The elements come when all are known.
+            let nothing = Solid::Metaballs(Arc::new(Metaballs { threshold, elements: Vec::new() }));
+            self.region(name.clone(), nothing, node, &MediumSpec::default());
+            return self.families.push(Family { name, number, threshold, elements, draft: self.drafts.len() - 1 });
+        };
+        let draft = self.families.get(known).filter(|family| number < family.number).map(|family| family.draft);
+        let basis = draft.and_then(|i| Some((i, self.draft(name, self.drafts.get(i)?.solid.clone(), node, &MediumSpec::default()))));
+        let Some(family) = self.families.get_mut(known) else { return };
+        family.elements.extend(elements);
+        if let Some((i, draft)) = basis {
+            (family.number, family.threshold) = (number, threshold);
+            self.drafts[i] = draft;
+        }
     }
 
     /// The triangles of a mesh, in world space and welded.
@@ -195,11 +236,17 @@ impl<'a> Builder<'a> {
     }
 
     /// Settles the media and closes the account.
-    pub fn finish(mut self, source_hash: String) -> Result<Layout> {
+    pub fn finish(mut self, source_hash: String, progress: &dyn Progress) -> Result<Layout> {
+        if self.drafts.is_empty() {
+            return Err(self.nothing_found());
+        }
+        for Family { threshold, elements, draft, .. } in std::mem::take(&mut self.families) {
+            self.drafts[draft].solid = Solid::Metaballs(Arc::new(Metaballs { threshold, elements }));
+        }
+        self.scene.regions = settle::settle(std::mem::take(&mut self.drafts), self.options, &mut self.notes, progress)?;
         if self.scene.regions.is_empty() {
             return Err(self.nothing_found());
         }
-        medium::fill(&mut self.scene.regions, &self.fillings, self.options.overrides.sigma_t.is_some(), &mut self.notes);
         for (sentence, (count, first)) in &self.tallies {
             let others = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
             self.notes.push(format!("{sentence} {first:?}{others}."));

@@ -1,6 +1,10 @@
 //! `extras.cloudvdb`: what an artist says about a node, a material or the scene.
 
-use super::{at::At, medium::MediumSpec};
+use super::{
+    at::At,
+    detail::{self, Asked},
+    medium::MediumSpec,
+};
 use crate::{Result, scene::Medium};
 use serde_json::{Map, Value};
 use std::borrow::Cow;
@@ -41,6 +45,9 @@ pub(super) struct Spec {
     pub file: Option<String>,
     /// The name of that VDB's grid.
     pub grid: Option<String>,
+    /// The depth over which density rises from the boundary inward, m of the world.
+    pub falloff: Option<f64>,
+    pub detail: Option<Asked>,
     pub medium: MediumSpec,
 }
 
@@ -51,14 +58,15 @@ pub(super) struct SceneSpec {
     pub sun_angle: Option<f64>,
     /// The sky's radiance, W m^-2 sr^-1, RGB.
     pub sky: Option<[f64; 3]>,
+    pub detail: Option<Asked>,
 }
 
-const SHAPE_KEYS: [&str; 7] = ["shape", "radius", "half_height", "threshold", "stiffness", "file", "grid"];
+const SHAPE_KEYS: [&str; 9] = ["shape", "radius", "half_height", "threshold", "stiffness", "file", "grid", "falloff", "detail"];
 const MEDIUM_KEYS: [&str; 6] = ["preset", "sigma_s", "sigma_a", "sigma_t", "albedo", "g"];
 /// Keys that `-o regions.glb` writes for people, and that say nothing about the scene.
 const WRITTEN_KEYS: [&str; 1] = ["photons"];
 /// Of the scene; understood, and not used yet.
-const LATER_KEYS: [&str; 2] = ["atmosphere", "detail"];
+const LATER_KEYS: [&str; 1] = ["atmosphere"];
 
 /// Reads a node's or a material's extras. Keys that mean nothing become notes.
 pub(super) fn spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>) -> Result<Option<Spec>> {
@@ -82,6 +90,8 @@ pub(super) fn spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>) -> R
         stiffness: fields.positive("stiffness")?,
         file: fields.text("file")?.map(str::to_owned),
         grid: fields.text("grid")?.map(str::to_owned),
+        falloff: fields.positive("falloff")?,
+        detail: detail::read(&fields)?,
         medium: MediumSpec::read(&fields)?,
     }))
 }
@@ -91,7 +101,7 @@ pub(super) fn scene_spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>
     let Some(value) = extras.and_then(|extras| extras.get("cloudvdb")) else { return Ok(SceneSpec::default()) };
     let map = object(value, at)?;
     let fields = Fields { map: &map, at, path: "extras.cloudvdb" };
-    fields.unknown(&[&["medium", "sun_angle", "sky"], &LATER_KEYS], notes);
+    fields.unknown(&[&["medium", "sun_angle", "sky", "detail"], &LATER_KEYS], notes);
     for key in LATER_KEYS.iter().filter(|key| map.contains_key(**key)) {
         notes.push(format!("{at}: extras.cloudvdb.{key} is not used yet."));
     }
@@ -111,7 +121,7 @@ pub(super) fn scene_spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>
     };
     let sky = fields.rgb("sky")?;
     sky.iter().flatten().try_for_each(|&v| fields.at_least_zero("sky", v).map(drop))?;
-    Ok(SceneSpec { medium, sun_angle, sky })
+    Ok(SceneSpec { medium, sun_angle, sky, detail: detail::read(&fields)? })
 }
 
 pub(super) fn find<T: Copy>(names: &[(&str, T)], name: &str) -> Option<T> {
@@ -242,7 +252,7 @@ impl Fields<'_> {
         }
     }
 
-    fn unknown(&self, known: &[&[&str]], notes: &mut Vec<String>) {
+    pub fn unknown(&self, known: &[&[&str]], notes: &mut Vec<String>) {
         for key in self.map.keys().filter(|key| !known.iter().any(|list| list.contains(&key.as_str()))) {
             let keys: Vec<&str> = known.iter().flat_map(|list| list.iter().copied()).collect();
             notes.push(format!("{}: {}.{key} means nothing and was not read (known: {}).", self.at, self.path, keys.join(", ")));

@@ -12,12 +12,17 @@ use super::{
     metaballs, region,
     walk::{self, Visit, node_at},
 };
-use crate::{Result, scene::Shape};
+use crate::{
+    Result,
+    progress::Progress,
+    scene::Shape,
+    sculpt::{Solid, visible_radius},
+};
 use glam::{DAffine3, DVec3};
 use std::path::Path;
 
 /// Reads the scene out of a parsed file.
-pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions) -> Result<Layout> {
+pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions, progress: &dyn Progress) -> Result<Layout> {
     let root = &document.root;
     let mut builder = Builder::new(file, root, options, Buffers::new(file, document));
     let (scene, roots) = walk::roots(file, root)?;
@@ -45,7 +50,7 @@ pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions) 
     if let Some(pattern) = options.regions.as_deref().filter(|_| !visits.iter().any(|visit| visit.picked)) {
         builder.notes.push(format!("--regions {pattern:?} matches no node's name."));
     }
-    builder.finish(document.hash.clone())
+    builder.finish(document.hash.clone(), progress)
 }
 
 /// One thing to place: a node, or one of its instances.
@@ -129,7 +134,7 @@ impl<'a> Builder<'a> {
             (ShapeKind::Metaball, _) => {
                 let threshold = spec.threshold.unwrap_or(metaballs::THRESHOLD);
                 let stiffness = spec.stiffness.unwrap_or(metaballs::STIFFNESS);
-                let radius = metaballs::visible_radius(spec.radius.unwrap_or(1.0), threshold, stiffness).ok_or_else(|| {
+                let radius = visible_radius(spec.radius.unwrap_or(1.0), threshold, stiffness).ok_or_else(|| {
                     let fix = "Raise the stiffness or lower the threshold";
                     at.error("extras.cloudvdb.stiffness", stiffness.to_string(), format!("more than the threshold, {threshold}"), fix)
                 })?;
@@ -147,7 +152,7 @@ impl<'a> Builder<'a> {
             _ => region::ball(world, DVec3::ZERO, spec.radius.unwrap_or(1.0)),
         };
         let material = self.material_medium(summary.and_then(|s| s.material), *at)?;
-        self.region(at.name(), shape, &spec.medium, &material);
+        self.region(at.name(), Solid::Shape(shape), spec, &material);
         self.found(at.name(), Became::Region, why);
         Ok(())
     }
@@ -170,7 +175,7 @@ impl<'a> Builder<'a> {
             }
             Form::Ellipsoid(fit) if picked => {
                 region::check_scale(&world, at)?;
-                self.region(at.name(), region::ellipsoid(&world, fit), &spec.medium, &material);
+                self.region(at.name(), Solid::Shape(region::ellipsoid(&world, fit)), spec, &material);
                 self.found(at.name(), Became::Region, "its mesh is sphere-like");
                 Ok(())
             }
@@ -217,7 +222,7 @@ impl<'a> Builder<'a> {
         if let Some(mesh) = thing.mesh {
             let solid = self.solid(mesh, thing.world, at)?;
             let material = self.material_medium(material, at)?;
-            self.region(at.name(), Shape::Mesh(solid.into()), &thing.spec.medium, &material);
+            self.region(at.name(), Solid::Shape(Shape::Mesh(solid.into())), thing.spec, &material);
             self.found(at.name(), Became::Region, why);
         }
         Ok(())
@@ -232,22 +237,17 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
+    /// Adds a node's elements to its family, which becomes a region when all are known.
     fn metaballs(&mut self, visit: &Visit, value: &serde_json::Value, spec: &Spec, at: At) -> Result<()> {
-        let family = metaballs::read(value, at)?;
-        self.notes.extend(family.remarks.iter().map(|remark| format!("{at}: {remark}.")));
-        if family.balls.is_empty() {
-            self.found(at.name(), Became::Ignored, "a metaball without an element that can be seen");
+        region::check_zero(&visit.world, at)?;
+        let balls = metaballs::read(value, &visit.world, at)?;
+        let why = format!("metaballs of the family {:?}: {} elements", balls.family, balls.elements.len());
+        if balls.elements.is_empty() {
+            self.found(at.name(), Became::Ignored, "a metaball without elements");
             return Ok(());
         }
-        region::check_scale(&visit.world, at)?;
-        let many = family.balls.len() > 1;
-        for (i, ball) in family.balls.iter().enumerate() {
-            let name = if many { format!("{}[{i}]", at.name()) } else { at.name() };
-            self.region(name, region::ellipsoid(&visit.world, *ball), &spec.medium, &Default::default());
-        }
-        let of = family.name.map_or(String::new(), |name| format!(" of the family {name:?}"));
-        let why = format!("metaballs{of}: {} elements, read as spheres of their visible radius", family.balls.len());
         self.found(at.name(), Became::Region, why);
+        self.family(balls, spec);
         Ok(())
     }
 

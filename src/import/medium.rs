@@ -1,10 +1,7 @@
 //! Media as files spell them: presets, coefficients, and what is left to the default.
 
 use super::extras::Fields;
-use crate::{
-    Result,
-    scene::{Medium, Region},
-};
+use crate::{Result, scene::Medium};
 
 /// What one place (a node, a material, the scene) says about a medium. Each field may be missing.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -110,13 +107,12 @@ fn split(sigma_t: [f64; 3], albedo: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     (zip(sigma_t, albedo, |t, w| t * w), zip(sigma_t, albedo, |t, w| t * (1.0 - w)))
 }
 
-/// Gives each region its medium; where extinction is open, such that the largest of those has optical depth 40 across.
-/// Where `overridden`, another extinction follows, and there is nothing to say about this one.
-pub(super) fn fill(regions: &mut [Region], fillings: &[Filling], overridden: bool, notes: &mut Vec<String>) {
+/// The medium of each region, given its name and thickness (m); where extinction is open, such that the largest of those has
+/// optical depth 40 across. Where `overridden`, another extinction follows, and there is nothing to say about this one.
+pub(super) fn fill(regions: &[(&str, f64)], fillings: &[Filling], overridden: bool, notes: &mut Vec<String>) -> Vec<Medium> {
     let open = || regions.iter().zip(fillings).filter(|(_, filling)| filling.sigma.is_none()).map(|(region, _)| region);
-    let largest = open().map(|region| (region.shape.thickness(), &region.name)).reduce(|a, b| if b.0 > a.0 { b } else { a });
     let mut sigma_t = 0.0;
-    if let Some((thickness, name)) = largest {
+    if let Some(&(name, thickness)) = open().reduce(|a, b| if b.1 > a.1 { b } else { a }) {
         sigma_t = DEPTH / thickness;
         let note = format!(
             "No extinction is given for {} of {} regions: sigma_t is {sigma_t:.6} per metre, such that the largest of them, {name:?} \
@@ -127,11 +123,13 @@ pub(super) fn fill(regions: &mut [Region], fillings: &[Filling], overridden: boo
         );
         notes.extend((!overridden).then_some(note));
     }
-    for (region, filling) in regions.iter_mut().zip(fillings) {
+    let one = |((name, _), filling): (&(&str, f64), &Filling)| {
         let (sigma_s, sigma_a) = filling.sigma.unwrap_or_else(|| split([sigma_t; 3], filling.albedo));
-        region.medium = Medium { sigma_s, sigma_a, g: filling.g };
-        if region.medium.sigma_t() == 0.0 && !overridden {
-            notes.push(format!("Region {:?} has no extinction: it changes nothing.", region.name));
+        let medium = Medium { sigma_s, sigma_a, g: filling.g };
+        if medium.sigma_t() == 0.0 && !overridden {
+            notes.push(format!("Region {name:?} has no extinction: it changes nothing."));
         }
-    }
+        medium
+    };
+    regions.iter().zip(fillings).map(one).collect()
 }

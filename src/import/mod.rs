@@ -3,7 +3,7 @@
 //! ```text
 //! container ──► json ──► walk ──► gltf ──► Scene + findings
 //!                          buffers, accessor ──► mesh ──► fit │
-//!                          extras, medium, metaballs, lights ─┤
+//!                          extras, medium, metaballs, lights ─┤ settle: media, voxels
 //!                          vdb ──► volume ────────────────────┘
 //! vdb ──────────────────────────────────► Scene + findings
 //! ```
@@ -16,6 +16,7 @@ mod at;
 mod buffers;
 mod build;
 mod container;
+mod detail;
 mod extras;
 mod fit;
 mod gltf;
@@ -27,6 +28,7 @@ mod medium;
 mod mesh;
 mod metaballs;
 mod region;
+mod settle;
 mod vdb;
 mod volume;
 mod walk;
@@ -34,12 +36,14 @@ mod weld;
 
 use crate::{
     Error, Result,
+    progress::Progress,
     scene::{Overrides, Scene},
+    sculpt::DetailRequest,
 };
 use std::path::{Path, PathBuf};
 
 /// What the user may ask of an import.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ImportOptions {
     /// `--regions`: only meshes whose node's name, or an ancestor's, matches this pattern (`*` and `?`) become regions by
     /// their form. `None` takes all. What says by its extras or as a metaball that it is a region is one in any case.
@@ -50,7 +54,30 @@ pub struct ImportOptions {
     pub grid: Option<String>,
     /// What replaces the file's own media, sun and sky.
     pub overrides: Overrides,
+    /// `--detail`: the detail of every region that can have one, in place of what the file says; `Some(None)` takes it away.
+    pub detail: Option<Option<DetailRequest>>,
+    /// `--voxel-size`: of what becomes voxels, m.
+    pub voxel_size: Option<f64>,
+    /// `--max-voxels`: the most of them that are active.
+    pub max_voxels: u64,
 }
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        ImportOptions {
+            regions: None,
+            mesh_volumes: false,
+            grid: None,
+            overrides: Overrides::default(),
+            detail: None,
+            voxel_size: None,
+            max_voxels: MAX_VOXELS,
+        }
+    }
+}
+
+/// The most active voxels where nobody says another number.
+pub const MAX_VOXELS: u64 = 1 << 24;
 
 /// What became of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
@@ -106,8 +133,8 @@ pub fn is_vdb(path: &Path) -> bool {
 ///
 /// [`Error::File`] where the file cannot be read, is not a sound glTF or VDB, or holds no region at all;
 /// [`Error::Node`] where a node, a material or the scene holds something that has no meaning; [`Error::Vdb`] where OpenVDB
-/// refuses; [`Error::Scene`] where an override does not fit the scene; [`Error::Usage`] where an option does not fit the file.
-pub fn load(path: &Path, options: &ImportOptions) -> Result<Layout> {
+/// refuses; [`Error::Scene`] where an override does not fit the scene; [`Error::Usage`] where an option does not fit the file; [`Error::TooManyVoxels`]; [`Error::Interrupted`].
+pub fn load(path: &Path, options: &ImportOptions, progress: &dyn Progress) -> Result<Layout> {
     let mut layout = if is_vdb(path) {
         vdb::layout(path, options)?
     } else {
@@ -118,7 +145,7 @@ pub fn load(path: &Path, options: &ImportOptions) -> Result<Layout> {
             );
             return Err(Error::Usage(reason));
         }
-        gltf::layout(path, &container::read(path)?, options)?
+        gltf::layout(path, &container::read(path)?, options, progress)?
     };
     options.overrides.apply(&mut layout.scene).map_err(|e| e.of_file(path))?;
     Ok(layout)

@@ -15,6 +15,7 @@ use super::{
 use crate::{
     Error, Result,
     scene::{BrickGrid, Shape, VoxelGrid},
+    sculpt::Solid,
     vdb::{GridInfo, VdbFile},
 };
 use glam::DAffine3;
@@ -58,7 +59,7 @@ impl Builder<'_> {
         let many = found.len() > 1;
         for (number, (grid, medium)) in found.into_iter().enumerate() {
             let region = if many { format!("{}[{number}]", at.name()) } else { at.name() };
-            self.region(region, Shape::Grid(grid.into()), &spec.medium, &medium);
+            self.region(region, Solid::Shape(Shape::Grid(grid.into())), spec, &medium);
         }
         if !self.volumes.iter().any(|(known, _)| *known == path) {
             let hash = vdb::hash(&path).map_err(of_node)?;

@@ -54,7 +54,7 @@ const STORED: u64 = 1_000_000;
 pub fn balance(job: &BalanceJob, progress: &dyn Progress) -> Result<Balance> {
     let begun = Instant::now();
     progress.begin("import", 1);
-    let mut scene = import::load(&job.input, &job.import)?;
+    let mut scene = import::load(&job.input, &job.import, progress)?;
     check_scene(&job.input, &scene.scene, job.density)?;
     let named = |e: crate::Error| e.of_file(&job.input);
     if job.density == Density::Duality {

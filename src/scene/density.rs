@@ -27,9 +27,14 @@ impl BrickGrid {
 
     /// The sample at an index; 0 outside the bricks.
     pub fn at(&self, index: [i32; 3]) -> f32 {
+        self.at_or(index, 0.0)
+    }
+
+    /// The sample at an index; `beyond` outside the bricks.
+    pub fn at_or(&self, index: [i32; 3], beyond: f32) -> f32 {
         let origin = index.map(|i| i & !(BRICK_SIDE - 1));
         let [x, y, z] = std::array::from_fn(|a| (index[a] - origin[a]) as usize);
-        self.origins.binary_search(&origin).map_or(0.0, |brick| self.brick(brick)[x << 6 | y << 3 | z])
+        self.origins.binary_search(&origin).map_or(beyond, |brick| self.brick(brick)[x << 6 | y << 3 | z])
     }
 
     /// The volume of one voxel in m^3.

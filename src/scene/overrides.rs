@@ -53,7 +53,8 @@ impl Overrides {
         Ok(())
     }
 
-    fn medium(&self, old: Medium) -> Medium {
+    /// A region's medium, with what is said about media replaced.
+    pub fn medium(&self, old: Medium) -> Medium {
         let mut new = old;
         if self.sigma_t.is_some() || self.albedo.is_some() {
             for c in 0..3 {
