@@ -42,7 +42,7 @@ class Draft {
     std::unique_ptr<Inside> inside_;
 };
 
-/// The samples of a FloatGrid that was read, by bricks of 8 x 8 x 8.
+/// The samples of a FloatGrid that was read or made, by bricks of 8 x 8 x 8.
 class Bricks {
   public:
     struct Inside;
@@ -63,6 +63,11 @@ void limit_threads(std::size_t threads);
 Found scan(rust::Slice<const std::uint8_t> path);
 std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEntry &grid, std::uint64_t max_voxels);
 std::uint64_t count_active(rust::Slice<const std::uint8_t> path, const GridEntry &grid);
+
+
+/// How deep each sample lies under the surface of a closed mesh, in voxels, negative outside; positions are in index space.
+std::unique_ptr<Bricks> mesh_depth(rust::Slice<const double> points, rust::Slice<const std::uint32_t> triangles, float exterior,
+                                   float interior, std::uint64_t max_voxels);
 
 /// Runs openvdb::initialize once.
 void initialize();

@@ -1,11 +1,12 @@
 // Reading: the container (header, metadata, descriptors) is parsed here with every size checked against the file;
 // transforms and trees are OpenVDB's, read through a stream that throws where OpenVDB would not notice.
+#include <openvdb/io/Archive.h>
+#include <openvdb/openvdb.h>
+
+#include "cloudvdb/cpp/bricks.h"
 #include "cloudvdb/cpp/guarded_stream.h"
 #include "cloudvdb/cpp/vdb_bridge.h"
 #include "cloudvdb/src/vdb/ffi.rs.h"
-
-#include <openvdb/io/Archive.h>
-#include <openvdb/openvdb.h>
 
 #include <algorithm>
 #include <map>
@@ -204,17 +205,6 @@ Found scan(rust::Slice<const std::uint8_t> path) {
     });
 }
 
-struct Bricks::Inside {
-    struct Source {
-        openvdb::Coord origin;
-        Leaf *leaf; // or none, for a piece of a tile of this value
-        float tile;
-    };
-    std::unique_ptr<Tree> tree;
-    openvdb::CoordBBox active;
-    std::vector<Source> sources;
-};
-
 Bricks::Bricks(std::unique_ptr<Inside> inside) : inside_(std::move(inside)) {}
 Bricks::~Bricks() {
     inside_.reset();
@@ -231,38 +221,18 @@ std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEnt
         auto inside = std::make_unique<Bricks::Inside>();
         inside->tree = read_tree(is, grid);
         inside->tree->evalActiveVoxelBoundingBox(inside->active);
-        auto &sources = inside->sources;
-
-        std::uint64_t bricks = 0;
-        const auto account = [&](std::uint64_t more) {
-            bricks += more;
-            if (bricks > max_voxels / kVoxels) {
-                throw std::runtime_error("the grid expands to more than " + std::to_string(max_voxels) +
-                                         " voxels, most of them in tiles of one value; it is damaged, or too coarse a tile for a cloud");
-            }
-        };
+        inside->max_voxels = max_voxels;
         auto tile = inside->tree->cbeginValueOn();
         tile.setMaxDepth(Tree::ValueOnCIter::LEAF_DEPTH - 1);
         for (; tile; ++tile) {
-            if (*tile == 0.0f) continue;
-            const openvdb::CoordBBox box = tile.getBoundingBox();
-            const auto side = std::uint64_t(std::int64_t(box.max().x()) - box.min().x() + 1) / Leaf::DIM; // tiles are cubes
-            account(side * side * side);
-            for (std::uint64_t i = 0; i < side * side * side; ++i) {
-                const auto along = [&](std::uint64_t n) { return std::int32_t(n % side * Leaf::DIM); };
-                sources.push_back({box.min() + openvdb::Coord(along(i / (side * side)), along(i / side), along(i)), nullptr, *tile});
-            }
+            if (*tile != 0.0f) inside->add_tile(tile.getBoundingBox(), *tile);
         }
         for (auto leaf = inside->tree->beginLeaf(); leaf; ++leaf) {
             bool empty = true;
             for (auto value = leaf->cbeginValueOn(); value && empty; ++value) empty = *value == 0.0f;
-            if (empty) continue;
-            account(1);
-            sources.push_back({leaf->origin(), &*leaf, 0.0f});
+            if (!empty) inside->add(*leaf);
         }
-        std::sort(sources.begin(), sources.end(), [](const auto &a, const auto &b) { return a.origin < b.origin; });
-        const auto twice = std::adjacent_find(sources.begin(), sources.end(), [](const auto &a, const auto &b) { return a.origin == b.origin; });
-        if (twice != sources.end()) throw std::runtime_error("the tree is damaged (two nodes in one place)");
+        inside->sort();
         return std::make_unique<Bricks>(std::move(inside));
     });
 }

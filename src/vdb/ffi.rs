@@ -68,6 +68,9 @@ mod bridge {
         type Bricks;
         fn scan(path: &[u8]) -> Result<Found>;
         fn load(path: &[u8], grid: &GridEntry, max_voxels: u64) -> Result<UniquePtr<Bricks>>;
+        /// How deep each sample lies under the surface of a closed mesh, in voxels: `points` are positions in index space, three
+        /// numbers each. At most `exterior` outside and `interior` inside; bricks that lie farther outside are left out.
+        fn mesh_depth(points: &[f64], triangles: &[u32], exterior: f32, interior: f32, max_voxels: u64) -> Result<UniquePtr<Bricks>>;
         fn count_active(path: &[u8], grid: &GridEntry) -> Result<u64>;
         fn count(self: &Bricks) -> usize;
         /// The smallest and the largest index of active voxels, zeros included; nothing where none is active.

@@ -5,6 +5,7 @@
 //! and a file that is cut short or damaged is an error.
 
 mod ffi;
+mod mesh;
 
 use std::fs::OpenOptions;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -15,6 +16,8 @@ use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
 use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS, BrickGrid};
+
+pub use mesh::mesh_distance;
 
 /// The most voxels that a grid may expand to when it is read (8 GiB of samples).
 const MAX_VOXELS: u64 = 1 << 31;
@@ -275,28 +278,36 @@ impl VdbFile {
             return Err(self.refused(format!("the transform of grid \"{}\" is not affine", info.name), "Resample it to a box of voxels"));
         };
         let vdb = |error: cxx::Exception| Error::Vdb { file: self.path.clone(), message: error.what().into() };
-        let mut bricks = ffi::load(self.path.as_os_str().as_encoded_bytes(), entry, MAX_VOXELS).map_err(vdb)?;
+        let bricks = ffi::load(self.path.as_os_str().as_encoded_bytes(), entry, MAX_VOXELS).map_err(vdb)?;
         let active = match *bricks.active() {
             [x0, y0, z0, x1, y1, z1] => Some([[x0, y0, z0], [x1, y1, z1]]),
             _ => None,
         };
         let count = bricks.count();
-        let mut origins = vec![[0; 3]; count];
-        let mut values = Vec::new();
-        if values.try_reserve_exact(count * BRICK_VOXELS).is_err() {
+        let Some((origins, values)) = drain(bricks).map_err(vdb)? else {
             return Err(self.refused(format!("{count} bricks of the grid \"{}\" do not fit into memory", info.name), "Resample it coarser"));
-        }
-        for (i, origins) in origins.chunks_mut(TAKEN).enumerate() {
-            let first = values.len();
-            values.resize(first + origins.len() * BRICK_VOXELS, 0.0);
-            bricks.pin_mut().take(i * TAKEN, origins.as_flattened_mut(), &mut values[first..]).map_err(vdb)?;
-        }
+        };
         Ok((BrickGrid { world_from_index, origins, values }, active))
     }
 
     fn refused(&self, reason: String, fix: &str) -> Error {
         Error::File { file: self.path.clone(), reason, fix: fix.into() }
     }
+}
+
+/// The origins and samples of all bricks, which leave the tree; `None` where memory does not hold them.
+fn drain(mut bricks: cxx::UniquePtr<ffi::Bricks>) -> std::result::Result<Option<(Vec<[i32; 3]>, Vec<f32>)>, cxx::Exception> {
+    let mut origins = vec![[0; 3]; bricks.count()];
+    let mut values = Vec::new();
+    if values.try_reserve_exact(origins.len() * BRICK_VOXELS).is_err() {
+        return Ok(None);
+    }
+    for (i, origins) in origins.chunks_mut(TAKEN).enumerate() {
+        let first = values.len();
+        values.resize(first + origins.len() * BRICK_VOXELS, 0.0);
+        bricks.pin_mut().take(i * TAKEN, origins.as_flattened_mut(), &mut values[first..])?;
+    }
+    Ok(Some((origins, values)))
 }
 
 /// What the descriptor and the metadata of a grid say.
