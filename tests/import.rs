@@ -250,7 +250,7 @@ fn detail_is_the_commands_the_nodes_or_the_scenes() {
     gltf.set(own, json!({"extras": {"cloudvdb": {"detail": {"genus": "cirrus", "strength": 0.5, "seed": 4}}}}));
     let few = ImportOptions { max_voxels: 200_000, ..Default::default() };
     let names = |options: &ImportOptions| -> Vec<String> {
-        let layout = read("layout.gltf", &gltf.gltf(), options).unwrap();
+        let layout = read("layout.glb", &gltf.glb(), options).unwrap();
         layout.scene.regions.iter().map(|r| format!("{} {}", r.name, matches!(r.shape, Shape::Grid(_)))).collect()
     };
     assert_eq!(names(&few), ["Plain false", "Own true", "Scene and 1 more true"]);
@@ -291,7 +291,7 @@ fn layouts_are_repeated_as_grids() {
     gltf.ball(json!({"name": "A", "translation": [0, 0, 0]}));
     gltf.ball(json!({"name": "B", "translation": [3, 1, 1]}));
     let options = ImportOptions { overrides: Overrides { periodic: true, ..Default::default() }, ..Default::default() };
-    let layout = read("layout.gltf", &gltf.gltf(), &options).unwrap();
+    let layout = read("layout.glb", &gltf.glb(), &options).unwrap();
     let [region] = &layout.scene.regions[..] else { panic!() };
     assert!(grid(region).periodic);
     near((grid(region).bounds().size().truncate()).to_array(), [5.0, 3.0]);
