@@ -48,6 +48,8 @@ pub struct Scratch {
     intervals: SmallVec<[Interval; 32]>,
     ends: SmallVec<[(f32, f32); 64]>,
     crossings: Vec<(f64, i32)>,
+    /// Collisions in grids that were considered, accepted or not.
+    pub tentative: u64,
     /// Samples above their majorant, which would bias a flight: none, by construction.
     pub violations: u64,
 }
@@ -123,7 +125,7 @@ impl Media {
             if self.grids_alone() { Flight::Passed } else { self.fly_regions(ray, t_max, tau, hint, || rng.uniform(), scratch) };
         let mut reach = if let Flight::Collision { distance, .. } = flight { distance } else { t_max };
         for grid in &self.grids {
-            if let Some(distance) = grid.fly(ray, reach, rng, &mut scratch.violations) {
+            if let Some(distance) = grid.fly(ray, reach, rng, scratch) {
                 reach = distance;
                 flight = Flight::Collision { distance, region: grid.region, sigma_t: 0.0 };
             }

@@ -1,8 +1,9 @@
 //! Roughly how deep in the shade a point of a grid lies: what decides how carefully its sunlight is looked at.
 
+use super::walk::cell_at;
 use super::{BRICK, Grid, trilinear};
 use crate::geom::Ray;
-use glam::{IVec3, Mat3, Vec3};
+use glam::{IVec3, Mat3A, Vec3};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
@@ -40,8 +41,8 @@ impl Grid {
             let step = length / steps;
             for i in 0..steps as u32 {
                 let p = segment.origin + segment.direction * (segment.from + (i as f32 + 0.5) * step);
-                let cell = p.as_ivec3().clamp(segment.low, segment.high - 1);
-                depth += trilinear(&self.corners(cell), p - cell.as_vec3()) * step * self.sigma_t as f32;
+                let cell = cell_at(p, segment.low, segment.high);
+                depth += trilinear(&self.corners(cell), p - cell.as_vec3a()) * step * self.sigma_t as f32;
             }
             if depth < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
@@ -50,15 +51,15 @@ impl Grid {
 
     /// Learns the optical depths in direction `toward` (the sun's middle), roughly.
     pub(in crate::media) fn learn_shade(&mut self, toward: Vec3) {
-        let local_from_index: Mat3 = self.index_from_local.inverse();
-        let densest = self.bricks.iter().flat_map(|b| b.majorants).fold(0.0, f32::max) * self.sigma_t as f32;
+        let local_from_index: Mat3A = self.index_from_local.inverse();
+        let densest = self.majorants.iter().copied().fold(0.0, f32::max) * self.sigma_t as f32;
         let voxel = 1.0 / (self.index_from_local * toward).length();
         let spacing = if densest * voxel * SPACINGS.0 as f32 > COARSE { SPACINGS.1 } else { SPACINGS.0 };
         let nodes = (super::BRICK_SIDE / spacing) as usize + 1;
         let one = |corner: IVec3, i: usize| {
             let node = IVec3::new((i / nodes / nodes) as i32, (i / nodes % nodes) as i32, (i % nodes) as i32);
-            let p = (corner + node * spacing).clamp(self.low, self.high).as_vec3();
-            let ray = Ray { origin: local_from_index * (p - self.offset), direction: toward };
+            let p = (corner + node * spacing).clamp(self.low, self.high).as_vec3a();
+            let ray = Ray { origin: (local_from_index * (p - self.offset)).into(), direction: toward };
             (self.rough_depth(&ray, DARK).min(DARK) * (PARTS / DARK) + 0.5) as u16
         };
         let depths = self.bricks.par_iter().flat_map_iter(|brick| (0..nodes.pow(3)).map(move |i| one(brick.corner, i))).collect();
@@ -68,7 +69,7 @@ impl Grid {
     /// The optical depth toward the sun at a point of the scene's local space, roughly; `None` where no brick is, or nothing was learnt.
     #[inline]
     pub(in crate::media) fn shade(&self, p: Vec3) -> Option<f32> {
-        let mut q = self.index_from_local * p + self.offset;
+        let mut q = self.index_from_local * p + Vec3::from(self.offset);
         if self.periodic {
             for axis in 0..2 {
                 let (low, tile) = (self.low[axis] as f32, (self.high[axis] - self.low[axis]) as f32);
@@ -88,6 +89,6 @@ impl Grid {
         let node = f.as_ivec3().min(IVec3::splat(n as i32 - 2));
         let at = (node.x as usize * n + node.y as usize) * n + node.z as usize;
         let corners = [0, 1, n, n + 1, n * n, n * n + 1, n * n + n, n * n + n + 1];
-        Some(trilinear(&corners.map(|c| f32::from(depths[at + c])), f - node.as_vec3()) * (DARK / PARTS))
+        Some(trilinear(&corners.map(|c| f32::from(depths[at + c])), (f - node.as_vec3()).into()) * (DARK / PARTS))
     }
 }

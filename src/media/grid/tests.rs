@@ -200,7 +200,7 @@ fn depths_equal_a_quadrature_between_the_planes_of_samples() {
 #[test]
 fn flights_are_distributed_as_the_depths_say() {
     let mut rng = Rng::new(2, Stage::Render, 0);
-    let (n, mut violations, mut worst, mut tests) = (4000usize, 0, 0.0f64, 0);
+    let (n, mut scratch, mut worst, mut tests) = (4000usize, Scratch::default(), 0.0f64, 0);
     for (name, source, origin, _) in grids() {
         let grid = Grid::new(0, &source, 2.0, origin);
         for i in 0..6 {
@@ -208,7 +208,7 @@ fn flights_are_distributed_as_the_depths_say() {
             let t_max = random_reach(source.periodic, &mut rng);
             let all = 1.0 - (-grid.optical_depth(&ray, t_max)).exp();
             let mut shares: Vec<f64> = (0..n)
-                .filter_map(|_| grid.fly(&ray, t_max, &mut rng, &mut violations))
+                .filter_map(|_| grid.fly(&ray, t_max, &mut rng, &mut scratch))
                 .map(|t| {
                     assert!(t >= 0.0 && t <= t_max, "{name}: {t}");
                     1.0 - (-grid.optical_depth(&ray, t)).exp()
@@ -225,7 +225,7 @@ fn flights_are_distributed_as_the_depths_say() {
         }
     }
     println!("{tests} rays, Kolmogorov's statistic at most {worst:.2}");
-    assert_eq!(violations, 0);
+    assert_eq!(scratch.violations, 0);
 }
 
 /// Mean and standard error.
@@ -319,9 +319,30 @@ fn every_walk_ends_within_as_many_cells_as_a_line_can_cross() {
 }
 
 #[test]
+fn majorants_are_the_largest_samples_that_cells_of_a_block_see() {
+    let mut rng = Rng::new(7, Stage::Render, 0);
+    for (name, source, origin, _) in grids() {
+        let grid = Grid::new(0, &source, 1.0, origin);
+        let repeated = IVec3::new(source.periodic.into(), source.periodic.into(), 0);
+        let base = IVec3::from_array(source.min) - (IVec3::ONE - repeated) - grid.low;
+        for i in 0..200 {
+            let ray = ray(i, &source, origin, &mut rng);
+            grid.walk::<false>(&ray, random_reach(source.periodic, &mut rng), |s| {
+                let size = s.high - s.low + 1;
+                let samples = (0..size.element_product()).map(|i| s.low + IVec3::new(i / size.z / size.y, i / size.z % size.y, i % size.z));
+                let most = samples.map(|at| source.sample((at + base).to_array())).fold(0.0, f32::max);
+                let whole = size == IVec3::splat(5);
+                assert!(s.majorant == most || (!whole && s.majorant >= most), "{name}: {} for {most}, from {}", s.majorant, s.low);
+                ControlFlow::Continue(())
+            });
+        }
+    }
+}
+
+#[test]
 fn what_is_no_ray_meets_nothing_and_level_rays_in_a_gap_are_let_go() {
     let mut rng = Rng::new(6, Stage::Render, 0);
-    let mut violations = 0;
+    let mut scratch = Scratch::default();
     let odd = [f32::NAN, 0.0, -0.0, f32::INFINITY, f32::NEG_INFINITY];
     for periodic in [false, true] {
         let source = voxels(worlds()[0], IVec3::ZERO, IVec3::new(8, 1, 24), periodic, |at| if (4..20).contains(&at.z) { 0.0 } else { 1.0 });
@@ -333,17 +354,17 @@ fn what_is_no_ray_meets_nothing_and_level_rays_in_a_gap_are_let_go() {
                 if ray.direction.is_finite() && ray.origin.is_finite() && ray.direction != Vec3::ZERO {
                     continue;
                 }
-                assert_eq!(grid.fly(&ray, f32::INFINITY, &mut rng, &mut violations), None, "{ray:?}");
+                assert_eq!(grid.fly(&ray, f32::INFINITY, &mut rng, &mut scratch), None, "{ray:?}");
                 assert_eq!(grid.optical_depth(&ray, f32::INFINITY), 0.0, "{ray:?}");
             }
         }
         for direction in [Vec3::X, Vec3::NEG_Y, Vec3::new(0.6, -0.8, -0.0)] {
             let level = Ray { origin: Vec3::new(1.0, 0.1, 6.0), direction };
-            assert_eq!(grid.fly(&level, f32::INFINITY, &mut rng, &mut violations), None);
+            assert_eq!(grid.fly(&level, f32::INFINITY, &mut rng, &mut scratch), None);
             assert_eq!(grid.transmittance(&level, f32::INFINITY, &mut rng), 1.0);
         }
     }
-    assert_eq!(violations, 0);
+    assert_eq!(scratch.violations, 0);
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Collisions by null collisions, and transmittance without error.
 
-use super::walk::Segment;
+use super::walk::{Segment, cell_at};
 use super::{Grid, trilinear};
 use crate::geom::Ray;
+use crate::media::Scratch;
 use crate::rng::Rng;
 use glam::IVec3;
 use std::ops::ControlFlow;
@@ -19,9 +20,9 @@ impl Grid {
     ///
     /// A collision is accepted by one of the eight samples around it, drawn with its weight as probability: the expectation
     /// is the trilinear density, so collisions are distributed as by that, for an eighth of the work.
-    pub(in crate::media) fn fly(&self, ray: &Ray, t_max: f32, rng: &mut Rng, violations: &mut u64) -> Option<f32> {
+    pub(in crate::media) fn fly(&self, ray: &Ray, t_max: f32, rng: &mut Rng, scratch: &mut Scratch) -> Option<f32> {
         let mut tau = rng.optical_depth();
-        let mut found = None;
+        let (mut found, mut tentative, mut violations) = (None, 0, 0);
         self.walk::<false>(ray, t_max, |segment| {
             let sigma = f64::from(segment.majorant) * self.sigma_t;
             let mut at = f64::from(segment.from);
@@ -32,15 +33,16 @@ impl Grid {
                     return ControlFlow::Continue(());
                 }
                 at += tau / sigma;
-                let sample = self.one_sample(&segment, at as f32, rng);
-                *violations += u64::from(sample > segment.majorant);
-                if rng.uniform_f32() * segment.majorant < sample {
+                tentative += 1;
+                if self.accepts(&segment, at as f32, rng, &mut violations) {
                     found = Some(segment.before + at as f32);
                     return ControlFlow::Break(());
                 }
                 tau = rng.optical_depth();
             }
         });
+        scratch.tentative += tentative;
+        scratch.violations += violations;
         found
     }
 
@@ -79,19 +81,33 @@ impl Grid {
     #[inline]
     fn depth(&self, segment: &Segment) -> f64 {
         let corners = self.corners(segment.low);
-        let low = segment.low.as_vec3();
+        let low = segment.low.as_vec3a();
         let density = |t: f32| trilinear(&corners, segment.origin + segment.direction * t - low);
         let (from, to) = (segment.from, segment.to);
         f64::from(to - from) * f64::from(density(from) + 4.0 * density(0.5 * (from + to)) + density(to)) * (1.0 / 6.0)
     }
 
-    /// One of the eight samples around the point at distance `at`, drawn by its weight.
+    /// Whether a collision at distance `at` is one by one of the eight samples around it, drawn by its weight.
     #[inline]
-    fn one_sample(&self, segment: &Segment, at: f32, rng: &mut Rng) -> f32 {
+    fn accepts(&self, segment: &Segment, at: f32, rng: &mut Rng, violations: &mut u64) -> bool {
         let p = segment.origin + segment.direction * at;
         // Rounding may carry a point out of its block: it is held there, where the majorant is known.
-        let base = p.as_ivec3().clamp(segment.low, segment.high - 1);
-        let beyond = rng.uniform_vec3().cmplt(p - base.as_vec3());
-        self.sample(base + IVec3::new(beyond.x.into(), beyond.y.into(), beyond.z.into()))
+        let base = cell_at(p, segment.low, segment.high);
+        let (u, f) = (rng.uniform_vec3(), p - base.as_vec3a());
+        let sample = base + IVec3::new((u.x < f.x).into(), (u.y < f.y).into(), (u.z < f.z).into());
+        let level = rng.uniform_f32() * segment.majorant;
+        let sample = self.unrepeated(sample);
+        let Some(brick) = self.brick(sample) else { return false };
+        let (least, most) = self.shares.bounds(brick, sample);
+        *violations += u64::from(least > segment.majorant);
+        if level < least {
+            return true;
+        }
+        if level > most {
+            return false;
+        }
+        let value = self.sample_in(brick, sample);
+        *violations += u64::from(value > segment.majorant);
+        level < value
     }
 }
