@@ -417,10 +417,9 @@ fn the_duality_of_a_vdb_is_written_lit_and_balanced() {
         assert!((grid.optical_mass / mass.written - 1.0).abs() < 5e-3, "{grid:?}");
         assert_eq!((report.regions.synthesised as u64, report.regions.sticking_out), (source.regions, 0.0));
         assert!(source.regions > 3 && source.candidates > source.regions, "{source:?}");
-        let energy = report.energy.unwrap();
         let error = report.error.unwrap();
         let (before, after) = (error.sunlight_through_layout, error.sunlight_through_regions);
-        assert!(error.photon_density > 0.0 && serde_json::to_value(&energy).is_ok());
+        assert!(error.photon_density > 0.0 && report.energy.is_some());
         assert!(after.value - before.value > 3.0 * before.se.hypot(after.se), "between balls there is nothing: {before:?} {after:?}");
     }
     // A picture of it, by light itself and by stored photons, but not to the letter.
