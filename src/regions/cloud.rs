@@ -147,7 +147,8 @@ impl Body for Cloud<'_> {
     /// By bisection, from below: where the number of lines changes with the radius, a trace of the volume may be left.
     fn shrunk(&self, centre: DVec3, d: f64, volume: f64) -> (f64, f64) {
         let (mut low, mut high, mut held) = (0.0, d, 0.0);
-        for _ in 0..64 {
+        // Until the budget that is left is rounding.
+        while held < volume * (1.0 - 1e-10) && high - low > 1e-15 * d {
             let middle = 0.5 * (low + high);
             match self.volume(centre, middle, volume) {
                 inside if inside <= volume => (low, held) = (middle, inside),
