@@ -23,7 +23,7 @@ mod picture;
 
 pub use account::Clock;
 pub use balance::{Balance, BalanceJob, balance};
-pub use format::{Format, check_gather, check_scene, usual_density};
+pub use format::{Format, check_gather, usual_density};
 pub use pass1::Pass1;
 pub use picture::{Picture, lit, take};
 

@@ -3,21 +3,21 @@
 //! Each region of the layout is analysed by itself: a point of it is drawn, a search distance d from eq. 17; if n of
 //! its photons lie within d, a ball of that radius becomes a region. This goes on until the new regions' optical mass
 //! is the old one's.
+//!
+//! In a voxel grid sigma_t is the one at the point, and a ball is the grid's own medium within d of it: together they are one
+//! grid again, its samples times the number of balls around them. Where the density is even this is the thesis's rule, with the
+//! balls cut to what the grid fills.
 
 use crate::error::Result;
-use crate::photon::{Model, Photon, PhotonMap, PhotonTree};
+use crate::photon::{Model, PhotonMap, PhotonTree};
 use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
-use crate::sampling::unit_ball;
-use crate::scene::{Mesh, Region, Scene, Shape, VoxelGrid};
-use crate::trimesh::TriMesh;
-use glam::{DVec3, Vec3};
-use rayon::prelude::*;
-use std::f64::consts::PI;
-use std::sync::Arc;
+use crate::scene::{Region, Scene, Shape};
+use body::{Body, Even};
+use cloud::Cloud;
+use points::{Points, sticking_out};
+use search::{Ball, Search};
 
-/// Candidates that share a stream of random numbers and are looked up together.
-const CANDIDATES: usize = 64;
 /// The stopping rule: so many candidates in a row refused, and the region is left as it is, the shortfall reported.
 pub const REFUSALS: u64 = 4096;
 /// And so many regions made of one: candidates at photons always find one, and an opaque region asks for (radius sigma)^3 / 6.
@@ -57,7 +57,7 @@ pub struct Source {
     pub photons: u64,
     /// Photons that had to lie within the search distance.
     pub estimate: u64,
-    /// New regions made of it.
+    /// New regions made of it; of a voxel grid, the balls that its new grid consists of.
     pub regions: u64,
     /// Candidates drawn.
     pub candidates: u64,
@@ -70,11 +70,12 @@ pub struct Source {
 /// The regions that the duality made, and where they came from.
 #[derive(Debug, Clone)]
 pub struct Synthesis {
-    /// The new regions.
+    /// The new regions: balls, and one grid for each that was analysed.
     pub regions: Vec<Region>,
     /// One entry for each region of the layout.
     pub sources: Vec<Source>,
-    /// The share of the new regions' volume that sticks out of the region they came from (kept: the thesis keeps it).
+    /// The share of the new balls' volume that sticks out of the region they came from (kept: the thesis keeps it). What is made
+    /// of voxel grids does not count: it is cut to them.
     pub sticking_out: f64,
 }
 
@@ -89,8 +90,11 @@ pub fn synthesise(scene: &Scene, map: &PhotonMap, duality: &Duality, progress: &
     let (mut done, mut out, mut volume) = (0.0, 0.0, 0.0);
     for (index, region) in scene.regions.iter().enumerate() {
         let first = regions.len();
-        let tell = |share: f64| progress.at((1000.0 * (done + share * region.optical_mass()) / whole) as u64);
-        let source = one(region, index, map, duality, &mut regions, progress, &tell)?;
+        let tell = |share: f64| {
+            progress.at((1000.0 * (done + share * region.optical_mass()) / whole) as u64);
+            progress.check()
+        };
+        let source = one(region, index, map, duality, &mut regions, &tell)?;
         let (o, v) = sticking_out(region, &regions[first..], Rng::new(duality.seed, Stage::Regions, u64::MAX - index as u64));
         (out, volume) = (out + o, volume + v);
         done += source.mass;
@@ -107,8 +111,7 @@ fn one(
     map: &PhotonMap,
     duality: &Duality,
     made: &mut Vec<Region>,
-    progress: &dyn Progress,
-    tell: &dyn Fn(f64),
+    tell: &dyn Fn(f64) -> Result<()>,
 ) -> Result<Source> {
     let photons = map.of_region(index);
     let estimate = duality.estimate.unwrap_or(((photons.len() as f64).sqrt().round() as u64).max(1));
@@ -122,158 +125,47 @@ fn one(
         mass: sigma_t * volume,
         synthesised: 0.0,
     };
-    let Some(tree) = Some(photons).filter(|p| p.len() as u64 >= estimate.max(1)).and_then(PhotonTree::new) else {
+    let enough = photons.len() as u64 >= estimate.max(1) && volume > 0.0;
+    let Some(tree) = Some(photons).filter(|_| enough).and_then(PhotonTree::new) else {
         return Ok(source);
     };
-    let points = Points::new(region, photons, map.origin, duality.placement);
-    let (mut left, mut refused) = (volume, 0);
-    for batch in 0u64.. {
-        progress.check()?;
-        tell(1.0 - left / volume);
-        let largest = match duality.model {
-            // A ball larger than the region it refines could only be the region again, elsewhere.
-            Model::Physical => 0.5 * region.shape.thickness(),
-            // What cannot fit need not be counted; rounding is left to the rule below.
-            Model::Hura2006 => (left * 0.75 / PI).cbrt() * (1.0 + 1e-9),
-        };
-        let mut rng = Rng::new(duality.seed, Stage::Regions, (index as u64) << 32 | batch);
-        let candidates: Vec<(DVec3, f64)> =
-            (0..CANDIDATES).map(|_| (points.draw(&mut rng), search_distance(duality.model, sigma_t, &mut rng))).collect();
-        let found: Vec<u64> = candidates
-            .par_iter()
-            .map(|&(centre, d)| if d <= largest { tree.count_within((centre - map.origin).as_vec3(), d as f32) } else { 0 })
-            .collect();
-        for ((centre, d), photons) in candidates.into_iter().zip(found) {
-            source.candidates += 1;
-            let ball = 4.0 / 3.0 * PI * d.powi(3);
-            let fits = ball <= left || duality.model == Model::Physical;
-            if d.is_finite() && photons >= estimate && fits {
-                refused = 0;
-                // The last one is shrunk to close the budget.
-                let (d, photons) = if ball <= left {
-                    (d, photons)
-                } else {
-                    let d = (left * 0.75 / PI).cbrt();
-                    (d, tree.count_within((centre - map.origin).as_vec3(), d as f32))
-                };
-                left -= 4.0 / 3.0 * PI * d.powi(3);
-                source.regions += 1;
-                made.push(Region {
-                    name: format!("{}.{:03}", region.name, source.regions),
-                    shape: Shape::sphere(centre, d),
-                    medium: region.medium,
-                    photons: Some(photons),
-                });
-                // What rounding leaves of the budget is no region.
-                if left <= 1e-9 * volume {
-                    source.synthesised = source.mass;
-                    return Ok(source);
-                }
-                if source.regions >= MOST_REGIONS {
-                    source.synthesised = sigma_t * (volume - left);
-                    return Ok(source);
-                }
-            } else {
-                refused += 1;
-                if refused >= REFUSALS {
-                    source.synthesised = sigma_t * (volume - left);
-                    return Ok(source);
-                }
-            }
+    let search = Search {
+        points: Points::new(region, photons, map.origin, duality.placement),
+        tree: &tree,
+        origin: map.origin,
+        model: duality.model,
+        estimate,
+        sigma_t,
+        volume,
+        seed: duality.seed,
+        stream: (index as u64) << 32,
+    };
+    let (found, grid) = match &region.shape {
+        Shape::Grid(grid) => {
+            let cloud = Cloud::new(grid);
+            let found = search.run(&cloud, tell)?;
+            let grid = (!found.balls.is_empty()).then(|| cloud.within(&found.balls));
+            (found, grid)
         }
+        shape => (search.run(&Even::new(shape), tell)?, None),
+    };
+    source.regions = found.balls.len() as u64;
+    source.candidates = found.candidates;
+    source.synthesised = if found.left == 0.0 { source.mass } else { sigma_t * (volume - found.left) };
+    let new = |name, shape, photons| Region { name, shape, medium: region.medium, photons: Some(photons) };
+    match grid {
+        Some(grid) => made.push(new(region.name.clone(), Shape::Grid(grid.into()), found.balls.iter().map(|b| b.photons).sum())),
+        None => made.extend(found.balls.iter().zip(1..).map(|(&Ball { centre, radius, photons }, number)| {
+            new(format!("{}.{number:03}", region.name), Shape::sphere(centre, radius), photons)
+        })),
     }
-    unreachable!("the stopping rule ends every search")
+    Ok(source)
 }
 
-/// Eq. 17: without its ln 0 in the physical model.
-fn search_distance(model: Model, sigma_t: f64, rng: &mut Rng) -> f64 {
-    match model {
-        Model::Physical => rng.optical_depth() / sigma_t,
-        Model::Hura2006 => -rng.uniform().ln() / sigma_t,
-    }
-}
-
-/// The new regions' volume outside the region they came from, by 32 points in each, and their whole volume, m^3.
-fn sticking_out(source: &Region, made: &[Region], mut rng: Rng) -> (f64, f64) {
-    let inside = Inside::new(&source.shape);
-    let (mut out, mut whole) = (0.0, 0.0);
-    for region in made {
-        let Shape::Ellipsoid { world_from_unit } = &region.shape else { continue };
-        let outside = (0..32).filter(|_| {
-            let p = world_from_unit.transform_point3(unit_ball([rng.uniform(), rng.uniform(), rng.uniform()]));
-            !inside.holds(p)
-        });
-        out += outside.count() as f64 / 32.0 * region.shape.volume();
-        whole += region.shape.volume();
-    }
-    (out, whole)
-}
-
-/// Where candidates come from.
-enum Points<'a> {
-    Photons(&'a [Photon], DVec3),
-    Ball(&'a glam::DAffine3),
-    Box(crate::geom::Bounds, Option<Inside>),
-}
-
-impl<'a> Points<'a> {
-    fn new(region: &'a Region, photons: &'a [Photon], origin: DVec3, placement: Placement) -> Self {
-        match (placement, &region.shape) {
-            (Placement::Importance, _) => Points::Photons(photons, origin),
-            (_, Shape::Ellipsoid { world_from_unit }) => Points::Ball(world_from_unit),
-            (_, Shape::Slab { .. }) => Points::Box(region.shape.bounds(), None),
-            (_, Shape::Mesh(_) | Shape::Grid(_)) => Points::Box(region.shape.bounds(), Some(Inside::new(&region.shape))),
-        }
-    }
-
-    fn draw(&self, rng: &mut Rng) -> DVec3 {
-        match self {
-            Points::Photons(photons, origin) => {
-                let i = ((rng.uniform() * photons.len() as f64) as usize).min(photons.len() - 1);
-                *origin + Vec3::from_array(photons[i].position).as_dvec3()
-            }
-            Points::Ball(world_from_unit) => world_from_unit.transform_point3(unit_ball([rng.uniform(), rng.uniform(), rng.uniform()])),
-            Points::Box(bounds, inside) => loop {
-                let p = bounds.min + bounds.size() * DVec3::new(rng.uniform(), rng.uniform(), rng.uniform());
-                if inside.as_ref().is_none_or(|i| i.holds(p)) {
-                    return p;
-                }
-            },
-        }
-    }
-}
-
-/// Whether points lie in a shape.
-enum Inside {
-    Unit(glam::DAffine3),
-    Layer(f64, f64),
-    Mesh(TriMesh, DVec3),
-    Grid(Arc<VoxelGrid>),
-}
-
-impl Inside {
-    fn new(shape: &Shape) -> Self {
-        match shape {
-            Shape::Ellipsoid { world_from_unit } => Inside::Unit(world_from_unit.inverse()),
-            Shape::Slab { centre, half_height, .. } => Inside::Layer(centre.z, *half_height),
-            Shape::Grid(grid) => Inside::Grid(Arc::clone(grid)),
-            Shape::Mesh(mesh) => {
-                let mesh: &Mesh = mesh;
-                let origin = mesh.bounds().centre();
-                Inside::Mesh(TriMesh::new(&[mesh], origin), origin)
-            }
-        }
-    }
-
-    fn holds(&self, p: DVec3) -> bool {
-        match self {
-            Inside::Unit(unit_from_world) => unit_from_world.transform_point3(p).length_squared() <= 1.0,
-            Inside::Layer(z, half) => (p.z - z).abs() <= *half,
-            Inside::Grid(grid) => grid.density(p) > 0.0,
-            Inside::Mesh(mesh, origin) => mesh.holds((p - origin).as_vec3()),
-        }
-    }
-}
-
+mod body;
+mod cloud;
+mod cover;
+mod points;
+mod search;
 #[cfg(test)]
 mod tests;

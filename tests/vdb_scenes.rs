@@ -315,7 +315,7 @@ fn refuse_quietly(extras: &Value, density: &BrickGrid) {
     refused(read_beside(extras, &json!({}), &[out("density", density, &[])], &[]), &["no region", "{\"shape\": \"vdb\""]);
 }
 
-/// The job of a VDB: its grid comes out again, and what is not there yet is refused.
+/// The job of a VDB: its grid comes out again, as it is and by the duality, and what cannot be of grids is refused.
 #[test]
 fn a_vdb_goes_through_the_pipeline() {
     use cloudvdb::export::vdb::{GridName, VdbOptions};
@@ -344,7 +344,6 @@ fn a_vdb_goes_through_the_pipeline() {
     let written = &report.vdb.as_ref().unwrap().grids[0];
     assert!((written.optical_mass / report.optical_mass.source - 1.0).abs() < 2e-3, "{}", written.optical_mass);
     let sentence = |job: &Job| run(job, &Silent).unwrap_err().to_string();
-    assert!(sentence(&job("dual.vdb", Density::Duality)).contains("not there yet"));
     assert!(sentence(&job("out.glb", Density::Source)).contains("glTF"));
     assert!(sentence(&job("in.vdb", Density::Source)).contains("--overwrite"));
     let mut dry = Job { dry_run: true, ..job("out.png", Density::Source) };
@@ -358,11 +357,86 @@ fn a_vdb_goes_through_the_pipeline() {
     let gltf = json!({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [node]});
     std::fs::write(&layout, gltf.to_string()).unwrap();
     let named = |name: &str, density| Job { input: layout.clone(), ..job(name, density) };
-    let refused = sentence(&named("out.exr", Density::Duality));
-    assert!(["layout.gltf", "\"Smoke\"", "--density source"].iter().all(|word| refused.contains(word)), "{refused}");
+    let refused = sentence(&named("out.glb", Density::Duality));
+    assert!(["layout.gltf", "\"Smoke\"", "glTF can hold no voxel grid"].iter().all(|word| refused.contains(word)), "{refused}");
     assert!(sentence(&named("out.glb", Density::Source)).contains("glTF can hold no voxel grid"));
     let over = sentence(&Job { overwrite: true, ..named("in.vdb", Density::Source) });
     assert!(over.contains("a VDB that the layout names"), "{over}");
     let report = run(&named("named.vdb", Density::Source), &Silent).unwrap();
     assert!((report.optical_mass.source - 25.0 * 64.0).abs() < 1e-9);
+}
+
+/// The duality of a VDB: mass is kept, and what is made is a medium like any other.
+#[test]
+fn the_duality_of_a_vdb_is_written_lit_and_balanced() {
+    use cloudvdb::export::vdb::{GridName, VdbOptions};
+    use cloudvdb::export::voxelise::Up;
+    use cloudvdb::integrate::Integrator;
+    use cloudvdb::photon::Model;
+    use cloudvdb::pipeline::{BalanceJob, Job, Picture, balance, run};
+    use cloudvdb::plan::Density;
+    use cloudvdb::progress::Silent;
+    use cloudvdb::regions::Duality;
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.vdb");
+    // A cloud of 24^3 voxels: dense within, a hundredth of it at the rim.
+    let (mut origins, mut values) = (Vec::new(), Vec::new());
+    for brick in 0..27 {
+        let origin = [brick / 9 * 8, brick / 3 % 3 * 8, brick % 3 * 8];
+        origins.push(origin);
+        values.extend((0..512).map(|v: i32| {
+            let at = DVec3::new(f64::from(origin[0] + (v >> 6)), f64::from(origin[1] + (v >> 3 & 7)), f64::from(origin[2] + (v & 7)));
+            let r = (at - 11.5).length() / 11.5;
+            if r < 1.0 { 10f64.powf(-2.0 * r * r) as f32 } else { 0.0 }
+        }));
+    }
+    let cloud = BrickGrid { world_from_index: DAffine3::from_scale(DVec3::splat(0.5)), origins, values };
+    write(&input, &[out("density", &cloud, &[float("density_scale", 8.0)])], &[]).unwrap();
+    let job = |name: &str, model| Job {
+        input: input.clone(),
+        outputs: vec![folder.path().join(name)],
+        overwrite: false,
+        import: ImportOptions::default(),
+        density: Density::Duality,
+        photons: 20_000,
+        duality: Duality { model, ..Duality::default() },
+        vdb: VdbOptions { voxel_size: None, max_voxels: 1 << 22, up: Up::Z, half: false, grids: vec![GridName::Density] },
+        picture: Picture { spp: 4, ..Picture::default() },
+        dry_run: false,
+    };
+    for model in [Model::Physical, Model::Hura2006] {
+        let report = run(&job(&format!("{model:?}.vdb"), model), &Silent).unwrap();
+        let (mass, source) = (report.optical_mass, &report.regions.sources[0]);
+        assert!((mass.written - source.synthesised).abs() < 1e-5 * mass.source, "{mass:?}");
+        assert_eq!(mass.missing, mass.source - source.synthesised);
+        let share = mass.written / mass.source;
+        assert!(
+            if model == Model::Physical { (share - 1.0).abs() < 5e-3 } else { share > 0.7 && share <= 1.0 + 1e-6 },
+            "{model:?} {share}"
+        );
+        let grid = &report.vdb.as_ref().unwrap().grids[0];
+        assert!((grid.optical_mass / mass.written - 1.0).abs() < 5e-3, "{grid:?}");
+        assert_eq!((report.regions.synthesised as u64, report.regions.sticking_out), (source.regions, 0.0));
+        assert!(source.regions > 3 && source.candidates > source.regions, "{source:?}");
+        let error = report.error.unwrap();
+        let (before, after) = (error.sunlight_through_layout, error.sunlight_through_regions);
+        assert!(error.photon_density > 0.0 && report.energy.is_some());
+        assert!(after.value - before.value > 3.0 * before.se.hypot(after.se), "between balls there is nothing: {before:?} {after:?}");
+    }
+    // A picture of it, by light itself and by stored photons, but not to the letter.
+    let mut picture = job("out.exr", Model::Physical);
+    picture.picture.view.size = Some([24, 16]);
+    assert!(run(&picture, &Silent).unwrap().render.is_some());
+    picture.picture.integrator = Integrator::Photon;
+    picture.overwrite = true;
+    assert!(run(&picture, &Silent).unwrap().render.is_some());
+    picture.duality.model = Model::Hura2006;
+    let refused = run(&picture, &Silent).unwrap_err().to_string();
+    assert!(refused.contains("the thesis marches homogeneous regions only"), "{refused}");
+    // Where light goes: all of it somewhere.
+    let job = BalanceJob { input, import: ImportOptions::default(), density: Density::Duality, photons: 20_000, seed: 1 };
+    let flux = balance(&job, &Silent).unwrap().flux;
+    let sum: f64 =
+        [flux.up, flux.down_direct, flux.down_diffuse, flux.absorbed_medium, flux.absorbed_surface].iter().map(|e| e.value).sum();
+    assert!((1.0 - sum).abs() < 1e-9 && flux.up.value > 0.0 && flux.mean_scatterings.value > 1.0, "{flux:?}");
 }

@@ -85,7 +85,6 @@ fn watched(&Manners { threads, progress: style, quiet }: &Manners) -> Result<Wat
 
 fn show_plan(arguments: &PlanArguments) -> Result<(), Error> {
     let layout = import::load(&arguments.input, &arguments.scene.import(), &Silent)?;
-    pipeline::check_scene(&arguments.input, &layout.scene, arguments.density.into())?;
     let plan = Plan::for_scene(&layout.scene, arguments.density.into());
     let text = if arguments.json {
         serde_json::to_string_pretty(&plan).unwrap_or_default()

@@ -263,6 +263,7 @@ impl Tracer {
         progress: &dyn Progress,
     ) {
         let (mut collisions, mut hint) = (0u64, 0.0);
+        let grids = self.model == Model::Hura2006 && self.media.has_grids();
         loop {
             let tau = R::optical_depth(rng);
             let flight = self.media.fly(&at.ray, f32::INFINITY, tau, hint, rng, scratch);
@@ -288,7 +289,9 @@ impl Tracer {
                 at.counted = true;
                 batch.power += at.power;
             }
-            let kept = at.power * R::attenuation(tau);
+            // In a grid the flight has spent an optical depth of its own.
+            let spent = if grids { self.media.optical_depth(&at.ray, distance, scratch) } else { tau };
+            let kept = at.power * R::attenuation(spent);
             batch.shift(Fate::Attenuated, &at, at.power - kept);
             at.power = kept;
             if (collisions > 1 || at.bounced) && (batch.photons.len() as u64) < wanted && self.in_tile(region, p) {

@@ -72,19 +72,21 @@ pub(super) fn light(report: &mut Report, job: &Job, scene: &Scene, pass1: &Pass1
     }
     report.photons = Some(Photons::of(shot));
     report.energy = Some(Energy::of(shot));
+    // A grid is made of as many balls as were accepted in it.
+    let balls: u64 = synthesis.sources.iter().map(|s| s.regions).sum();
     let weighted: f64 = synthesis.sources.iter().map(|s| s.regions as f64 / (s.estimate as f64).sqrt()).sum();
     let (before, after) = tracer.sunlight_through(&synthesis.regions, job.duality.seed);
     // A search distance holds n photons where N are stored: n must grow fourfold, and with it N.
     let grow = if job.duality.estimate.is_some() { 4 } else { 16 };
     report.error = Some(Errors {
-        photon_density: weighted / synthesis.regions.len() as f64,
+        photon_density: weighted / balls as f64,
         sunlight_through_layout: before,
         sunlight_through_regions: after,
         optical_mass: shortfall,
         photons_for_half: grow * shot.map.len(),
         seconds_for_half: grow as f64 * clock.elapsed(),
     });
-    report.regions.synthesised = synthesis.regions.len();
+    report.regions.synthesised = balls as usize;
     report.regions.sticking_out = synthesis.sticking_out;
     report.regions.sources.clone_from(&synthesis.sources);
 }

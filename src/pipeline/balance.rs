@@ -1,7 +1,6 @@
 //! `cloudvdb flux`: a scene in; where its light goes out.
 
 use super::account::Clock;
-use super::format::check_scene;
 use super::pass1::Pass1;
 use crate::error::Result;
 use crate::import::{self, ImportOptions};
@@ -55,7 +54,6 @@ pub fn balance(job: &BalanceJob, progress: &dyn Progress) -> Result<Balance> {
     let begun = Instant::now();
     progress.begin("import", 1);
     let mut scene = import::load(&job.input, &job.import, progress)?;
-    check_scene(&job.input, &scene.scene, job.density)?;
     let named = |e: crate::Error| e.of_file(&job.input);
     if job.density == Density::Duality {
         let duality = Duality { seed: job.seed, ..Duality::default() };

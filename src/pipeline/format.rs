@@ -59,7 +59,7 @@ impl<'a> Targets<'a> {
         let targets = Targets(formats);
         if import::is_vdb(&job.input) {
             // Before it is read: it may be large.
-            targets.check_grids(job, &job.input.display().to_string())?;
+            targets.check_grids(&job.input.display().to_string())?;
         }
         Staged::check(&job.outputs, job.overwrite)?;
         if let Some(target) = overwritten(&job.outputs, &job.input) {
@@ -77,7 +77,7 @@ impl<'a> Targets<'a> {
             return Err(Error::Usage(format!("-o {} is a VDB that the layout names: name another file", target.display())));
         }
         if let Some(name) = layout.scene.voxel_grid() {
-            self.check_grids(job, &format!("{}: region {name:?}", job.input.display()))?;
+            self.check_grids(&format!("{}: region {name:?}", job.input.display()))?;
         }
         let picture = self.any(Format::Exr) || self.any(Format::Png);
         if picture && job.picture.integrator == Integrator::Photon {
@@ -86,9 +86,8 @@ impl<'a> Targets<'a> {
         Ok(())
     }
 
-    /// Refuses what is not there for voxel grids, of which `who` is one.
-    fn check_grids(&self, job: &Job, who: &str) -> Result<()> {
-        check_density(who, job.density)?;
+    /// Refuses what cannot be of voxel grids, of which `who` is one.
+    fn check_grids(&self, who: &str) -> Result<()> {
         match self.each(Format::Glb).next() {
             Some(target) => {
                 Err(Error::Usage(format!("-o {}: glTF can hold no voxel grid, and {who} is one: write .vdb", target.display())))
@@ -108,45 +107,28 @@ impl<'a> Targets<'a> {
     }
 }
 
-/// Refuses the duality of a scene that has none yet: one with a voxel grid.
-///
-/// # Errors
-/// [`Error::Usage`].
-pub fn check_scene(input: &Path, scene: &Scene, density: Density) -> Result<()> {
-    scene.voxel_grid().map_or(Ok(()), |name| check_density(&format!("{}: region {name:?}", input.display()), density))
-}
-
-fn check_density(who: &str, density: Density) -> Result<()> {
-    match density {
-        Density::Duality => {
-            Err(Error::Usage(format!("{who} is a voxel grid, and the duality of these is not there yet: use --density source")))
-        }
-        Density::Source => Ok(()),
-    }
-}
-
 /// Refuses what the photon integrator cannot do.
 fn check_photons(job: &Job, scene: &Scene) -> Result<()> {
     let usage = |text: String| Err(Error::Usage(text));
     let beam = job.picture.gather == Gathering::Beam;
     check_gather(job.picture.gather, job.duality.model)?;
-    if job.density == Density::Duality {
-        return Ok(());
-    }
+    // The duality makes balls of everything but grids.
+    let (grid, dual) = (|r: &Region| matches!(r.shape, Shape::Grid(_)), job.density == Density::Duality);
+    let endless = |r: &Region| r.shape.is_endless() && (grid(r) || !dual);
     let name = |region: Option<&Region>| region.map_or_else(String::new, |r| format!("{}: region {:?}", job.input.display(), r.name));
-    let endless = scene.regions.iter().find(|r| r.shape.is_endless());
-    let mixed = endless.is_some() && !scene.regions.iter().all(|r| r.shape.is_endless());
-    if mixed {
-        let who = name(endless);
+    let first = scene.regions.iter().find(|r| endless(r));
+    if first.is_some() && !scene.regions.iter().all(endless) {
+        let who = name(first);
         return usage(format!(
             "{who} goes on without end, and photons are stored within its tile only: beside other regions use --integrator path"
         ));
     }
-    let odd = scene.regions.iter().find(|r| r.shape.is_endless() || matches!(r.shape, Shape::Grid(_)));
+    let odd = scene.regions.iter().find(|r| endless(r) || grid(r));
     if beam && odd.is_some() {
         return usage(format!("--gather beam cannot follow {}, a layer without end or a voxel grid: use --gather march", name(odd)));
     }
     if job.duality.model == Model::Hura2006 && scene.voxel_grid().is_some() {
+        let odd = scene.regions.iter().find(|r| grid(r));
         return usage(format!("{} is a voxel grid, and the thesis marches homogeneous regions only: use --model physical", name(odd)));
     }
     Ok(())

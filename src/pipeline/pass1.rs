@@ -6,7 +6,7 @@ use crate::photon::{Model, PhotonMap, Shot, Tracer};
 use crate::plan::{Density, Plan};
 use crate::progress::Progress;
 use crate::regions::{Duality, Synthesis, synthesise};
-use crate::scene::{Region, Scene};
+use crate::scene::{Region, Scene, Shape};
 
 /// Fewer photons than this say nothing about where light scatters.
 const FEWEST: u64 = 100;
@@ -70,7 +70,7 @@ fn too_thin(scene: &Scene, shot: &Shot, synthesis: &Synthesis) -> Error {
         ),
         _ => format!(
             "no region came out: the fullest one holds {stored} photons, but nowhere do {wanted} of them lie within a free path ({:.3e} m; {} has optical depth {:.3} across)",
-            1.0 / sigma,
+            free_path(region),
             region.name,
             sigma * across
         ),
@@ -81,5 +81,13 @@ fn too_thin(scene: &Scene, shot: &Shot, synthesis: &Synthesis) -> Error {
             "A sigma_t of {:.4} per metre would give it optical depth 40 (a cloud); more --photons or a smaller --estimate may also help",
             40.0 / across
         ),
+    }
+}
+
+/// The free path where a region is dense, m.
+fn free_path(region: &Region) -> f64 {
+    match &region.shape {
+        Shape::Grid(grid) => grid.breadth() / (region.medium.sigma_t() * grid.thickest()),
+        _ => 1.0 / region.medium.sigma_t(),
     }
 }

@@ -1,9 +1,13 @@
 //! The duality against closed forms, brute force and the rule it is meant to follow (thesis 3.3.1, eqs 17 and 27).
 
+use super::points::Inside;
 use super::*;
+use crate::photon::Photon;
 use crate::progress::Silent;
-use crate::scene::Medium;
-use glam::{DAffine3, DMat3, DQuat, DVec2};
+use crate::sampling::unit_ball;
+use crate::scene::{Medium, Mesh};
+use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3, Vec3};
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 fn region(name: &str, shape: Shape, sigma_t: f64) -> Region {
@@ -292,7 +296,7 @@ fn sticking_out_is_what_a_finer_count_says() {
     for scene in shapes().into_iter().filter(|s| s.regions.len() == 1) {
         let source = &scene.regions[0];
         let s = run(&scene, &uniform_map(&scene, 20_000, 12), with(3));
-        let (inside, mut rng) = (Inside::new(&source.shape), Rng::new(13, Stage::Regions, 5));
+        let (inside, mut rng) = (Inside::new(&source.shape).unwrap(), Rng::new(13, Stage::Regions, 5));
         let (mut out, mut whole, mut variance) = (0.0, 0.0, 0.0);
         let points = 1000;
         for r in &s.regions {
@@ -328,4 +332,5 @@ fn sticking_out_is_what_a_finer_count_says() {
     }
 }
 
+mod cloud;
 mod statistics;

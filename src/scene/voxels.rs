@@ -19,14 +19,18 @@ pub struct VoxelGrid {
     pub periodic: bool,
     integral: f64,
     thickest: f64,
+    breadth: f64,
 }
 
 impl VoxelGrid {
     /// A grid whose samples from `min` to `max` (inclusive) count.
     pub fn new(bricks: BrickGrid, min: [i32; 3], max: [i32; 3], periodic: bool) -> Self {
         let integral = bricks.integral();
-        let thickest = thickest(&bricks);
-        VoxelGrid { bricks, min, max, periodic, integral, thickest }
+        let columns = columns(&bricks);
+        let thickest = columns.iter().map(|c| c.depth).fold(0.0, f64::max);
+        // Along repeated axes there is no end to measure to.
+        let breadth = columns[if periodic { 2 } else { 0 }..].iter().map(|c| c.breadth).fold(f64::INFINITY, f64::min);
+        VoxelGrid { bricks, min, max, periodic, integral, thickest, breadth }
     }
 
     /// The bounds of its voxels in the world; of one tile where it is periodic.
@@ -78,6 +82,13 @@ impl VoxelGrid {
         self.thickest
     }
 
+    /// How thick its dense part is, m: the least over the axes that do not repeat of the length that the column with the largest
+    /// integral would have were it even, (sum of samples)^2 / (sum of their squares). The shortest side of an even box, an even
+    /// ball's diameter; a thin fringe hardly changes it.
+    pub fn breadth(&self) -> f64 {
+        self.breadth
+    }
+
     /// The shortest edge of a voxel, m.
     pub fn voxel_size(&self) -> f64 {
         let m = self.bricks.world_from_index.matrix3;
@@ -85,27 +96,42 @@ impl VoxelGrid {
     }
 }
 
-/// The largest sum over a column of samples, times the samples' distance along it.
-fn thickest(bricks: &BrickGrid) -> f64 {
+/// A column of samples along an axis.
+#[derive(Debug, Clone, Copy, Default)]
+struct Column {
+    /// The integral of density along it.
+    depth: f64,
+    /// The length that it would have were it even, m.
+    breadth: f64,
+}
+
+/// The column with the largest integral, of each axis.
+fn columns(bricks: &BrickGrid) -> [Column; 3] {
     let m = bricks.world_from_index.matrix3;
     let steps = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
-    let mut most = 0.0f64;
-    for (axis, step) in steps.into_iter().enumerate() {
+    std::array::from_fn(|axis| {
         // Bricks of one column stand together, once sorted by their other two coordinates.
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut order: Vec<u32> = (0..bricks.origins.len() as u32).collect();
         order.sort_unstable_by_key(|&i| (bricks.origins[i as usize][a], bricks.origins[i as usize][b]));
-        let column = |i: u32| (bricks.origins[i as usize][a], bricks.origins[i as usize][b]);
-        for group in order.chunk_by(|&i, &j| column(i) == column(j)) {
-            let mut sums = [0.0f64; 64];
+        let place = |i: u32| (bricks.origins[i as usize][a], bricks.origins[i as usize][b]);
+        let mut most = Column::default();
+        for group in order.chunk_by(|&i, &j| place(i) == place(j)) {
+            let mut sums = [(0.0f64, 0.0f64); 64];
             for &brick in group {
                 for (voxel, &value) in bricks.brick(brick as usize).iter().enumerate().take(BRICK_VOXELS) {
                     let local = [voxel >> 6, voxel >> 3 & 7, voxel & 7];
-                    sums[local[a] * 8 + local[b]] += f64::from(value);
+                    let (sum, squares) = &mut sums[local[a] * 8 + local[b]];
+                    *sum += f64::from(value);
+                    *squares += f64::from(value).powi(2);
                 }
             }
-            most = most.max(step * sums.iter().copied().fold(0.0, f64::max));
+            for (sum, squares) in sums {
+                if steps[axis] * sum > most.depth {
+                    most = Column { depth: steps[axis] * sum, breadth: steps[axis] * sum * sum / squares };
+                }
+            }
         }
-    }
-    most
+        most
+    })
 }

@@ -286,12 +286,11 @@ def test_dry_run_of_a_picture(cloudvdb, cloud, layout, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_a_vdb_cannot_do_yet(cloudvdb, cloud, layout, tmp_path):
+def test_what_a_vdb_cannot_do(cloudvdb, cloud, layout, tmp_path):
     for arguments, says in [
-        ((cloud, "-o", tmp_path / "out.vdb", "--density", "duality"), ["duality", "not there yet"]),
-        (("plan", cloud, "--density", "duality"), ["duality", "not there yet"]),
-        (("flux", cloud, "--density", "duality"), ["duality", "not there yet"]),
         ((cloud, "-o", tmp_path / "out.glb"), ["out.glb", ".vdb"]),
+        ((cloud, "-o", tmp_path / "out.glb", "--density", "duality"), ["out.glb", ".vdb"]),
+        ((cloud, "-o", tmp_path / "out.png", "--density", "duality", "--integrator", "photon", "--model", "hura2006"), ["voxel grid", "--model physical"]),
         ((cloud, "-o", tmp_path / "out.vdb", "--regions", "*"), ["--regions", "--grid"]),
     ]:
         cloudvdb.refuse(*arguments, code=2, says=says, folder=tmp_path)

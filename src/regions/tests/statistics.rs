@@ -3,7 +3,7 @@
 use super::*;
 
 /// Chi-squared over bins against expected counts, thin bins pooled; fails beyond 4.5 sigma of its distribution (Wilson-Hilferty).
-fn assert_chi2(name: &str, counts: &[f64], expected: &[f64]) {
+pub(super) fn assert_chi2(name: &str, counts: &[f64], expected: &[f64]) {
     let z = chi2(counts, expected);
     assert!(z < 4.5, "{name}: z {z}\n{counts:?}\n{expected:?}");
 }
