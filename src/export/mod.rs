@@ -2,6 +2,7 @@
 
 pub mod exr;
 pub mod glb;
+mod lattice;
 pub mod png;
 pub mod report;
 pub mod staged;

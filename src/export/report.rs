@@ -158,7 +158,7 @@ pub struct Errors {
 pub struct Grids {
     /// 1/m for a sample of 1: Blender's Principled Volume Density.
     pub density_scale: f64,
-    /// In metres.
+    /// The shortest edge of a voxel, in metres.
     pub voxel_size: f64,
     /// Whether `--max-voxels` made the voxels coarser than they would be.
     pub coarsened: bool,

@@ -1,8 +1,9 @@
 //! The VDB that Blender opens: which grids, at which voxel size, with which metadata.
 
+use super::lattice::{Ready, merge};
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::scene::{BrickGrid, Region, Scene};
+use crate::scene::{Region, Scene};
 pub use crate::vdb::limit_threads;
 use crate::vdb::{GridOut, Meta, write};
 use crate::voxelise::{Up, voxel_size, voxelise};
@@ -32,7 +33,8 @@ impl GridName {
 /// How grids are written.
 #[derive(Debug, Clone)]
 pub struct VdbOptions {
-    /// In metres; `None` takes a third of the smallest half extent, or 1/128 of the longest side, whichever is finer.
+    /// In metres; `None` takes the regions' own lattice where all are voxel grids on one, else a third of the smallest half extent
+    /// or 1/128 of the longest side, whichever is finer.
     pub voxel_size: Option<f64>,
     /// The most active voxels a grid may have.
     pub max_voxels: u64,
@@ -60,17 +62,18 @@ pub struct GridSummary {
 /// The grids of a file, ready to be written.
 #[derive(Debug, Clone)]
 pub struct Voxels {
-    grids: Vec<(GridName, BrickGrid)>,
+    grids: Vec<(GridName, Ready)>,
     /// Extinction in 1/m of a sample of 1: Blender's Principled Volume Density.
     pub density_scale: f64,
-    /// In metres.
+    /// The shortest edge of a voxel, in metres.
     pub voxel_size: f64,
     /// Whether `max_voxels` made the voxels coarser than they would be.
     pub coarsened: bool,
 }
 
 impl Voxels {
-    /// Voxelises the regions to be written and, where asked, the layout.
+    /// Voxelises the regions to be written and, where asked, the layout. Voxel grids on one lattice stay in it, unless voxels of
+    /// another size are asked for or more than the most would be active.
     ///
     /// # Errors
     /// [`crate::Error::TooManyVoxels`], [`crate::Error::Interrupted`].
@@ -80,6 +83,16 @@ impl Voxels {
             GridName::Density => written,
             GridName::Source => &layout.regions,
         };
+        let mut kept = Vec::new();
+        for &name in &options.grids {
+            let one = merge(of(name), options.voxel_size, options.max_voxels, density_scale, options.up, progress)?;
+            kept.extend(one.map(|one| (name, one)));
+        }
+        if kept.len() == options.grids.len() && !kept.is_empty() {
+            let voxel_size = kept.iter().map(|(_, (_, edge))| *edge).fold(f64::INFINITY, f64::min);
+            let grids = kept.into_iter().map(|(name, (ready, _))| (name, ready)).collect();
+            return Ok(Voxels { grids, density_scale, voxel_size, coarsened: false });
+        }
         let (mut size, mut coarsened) = (0.0f64, false);
         for &name in &options.grids {
             let (fits, coarse) = voxel_size(of(name), options.voxel_size, options.max_voxels)?;
@@ -88,13 +101,9 @@ impl Voxels {
                 (size, coarsened) = (fits, coarse);
             }
         }
-        let voxels = |name| voxelise(of(name), size, density_scale, options.up, progress).map(|grid| (name, grid));
-        Ok(Voxels {
-            grids: options.grids.iter().map(|&name| voxels(name)).collect::<Result<_>>()?,
-            density_scale,
-            voxel_size: size,
-            coarsened,
-        })
+        let voxels = |name| voxelise(of(name), size, density_scale, options.up, progress).map(|grid| (name, Ready::Own(grid)));
+        let grids = options.grids.iter().map(|&name| voxels(name)).collect::<Result<_>>()?;
+        Ok(Voxels { grids, density_scale, voxel_size: size, coarsened })
     }
 
     /// Writes the grids with their metadata.
@@ -107,17 +116,17 @@ impl Voxels {
             ("unit".to_string(), Meta::Text("density_scale per metre".into())),
         ];
         let grids: Vec<GridOut> =
-            self.grids.iter().map(|(name, bricks)| GridOut { name: name.as_str(), bricks, half, metadata: &scale }).collect();
+            self.grids.iter().map(|(name, grid)| GridOut { name: name.as_str(), bricks: grid.bricks(), half, metadata: &scale }).collect();
         write(path, &grids, metadata)
     }
 
     /// What the grids hold.
     pub fn summary(&self) -> Vec<GridSummary> {
-        let one = |(name, grid): &(GridName, BrickGrid)| GridSummary {
+        let one = |(name, grid): &(GridName, Ready)| GridSummary {
             name: *name,
-            active_voxels: grid.active_voxels(),
-            optical_mass: grid.integral() * self.density_scale,
-            max: grid.values.iter().copied().fold(0.0, f32::max),
+            active_voxels: grid.bricks().active_voxels(),
+            optical_mass: grid.bricks().integral() * self.density_scale,
+            max: grid.bricks().values.iter().copied().fold(0.0, f32::max),
         };
         self.grids.iter().map(one).collect()
     }

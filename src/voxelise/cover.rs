@@ -91,7 +91,9 @@ impl Cover {
                 let world = turn * DAffine3::from_translation(anchor) * DAffine3::from_scale(step);
                 // As many points a voxel as it has samples along an edge, and where the lattices agree the samples themselves.
                 let lines = (step.max_element() / grid.voxel_size()).ceil().clamp(1.0, 16.0) as i32;
-                Cover { solid: Solid::Grid(grid, world), bounds: Bounds { min: bounds.min - 1.0, max: bounds.max + 1.0 }, lines }
+                // Density reaches half a voxel of the grid beyond its bounds; what is beyond a tile is the next tile's.
+                let grow = if grid.periodic { DVec3::Z } else { DVec3::ONE };
+                Cover { solid: Solid::Grid(grid, world), bounds: Bounds { min: bounds.min - grow, max: bounds.max + grow }, lines }
             }
             Solid::Mesh { mut mesh, .. } => {
                 mesh.vertices.iter_mut().for_each(|v| *v = lattice.index(*v));
@@ -126,7 +128,9 @@ impl Cover {
                 let corner = base + DVec3::new((voxel >> 6) as f64, (voxel >> 3 & 7) as f64, (voxel & 7) as f64);
                 for i in 0..k.pow(3) {
                     let part = (DVec3::new(f64::from(i / k / k), f64::from(i / k % k), f64::from(i % k)) + 0.5) / f64::from(k);
-                    *value += share * grid.density(world.transform_point3(corner + part));
+                    let p = corner + part;
+                    let beside = (p.cmplt(self.bounds.min) | p.cmpge(self.bounds.max)).any();
+                    *value += if beside { 0.0 } else { share * grid.density(world.transform_point3(p)) };
                 }
             }
             return;

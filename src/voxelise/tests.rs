@@ -99,3 +99,20 @@ fn the_voxel_size_fits_or_is_refused_with_one_that_does() {
     let grid = voxelise(&regions, fitting, 1.0, Up::Z, &Silent).unwrap();
     assert!(grid.active_voxels() <= 110_000 && grid.active_voxels() > 60_000, "{}", grid.active_voxels());
 }
+
+/// A tile that repeats is written once: what is beyond it belongs to the next.
+#[test]
+fn a_repeated_grid_is_resampled_to_the_mass_of_its_tile() {
+    let world = DAffine3 { matrix3: DMat3::from_diagonal(DVec3::splat(0.1)), translation: DVec3::new(0.3, -0.2, 1.0) };
+    let values = (0..512).map(|v| 1.0 + (v % 7) as f32).collect();
+    let bricks = BrickGrid { world_from_index: world, origins: vec![[0; 3]], values };
+    for periodic in [false, true] {
+        let grid = crate::scene::VoxelGrid::new(bricks.clone(), [0; 3], [7; 3], periodic);
+        let region = region(Shape::Grid(std::sync::Arc::new(grid)), 3.0);
+        for (size, up) in [(0.1, Up::Z), (0.05, Up::Y), (0.013, Up::Z)] {
+            let written = voxelise(std::slice::from_ref(&region), size, 1.0, up, &Silent).unwrap();
+            let ratio = written.integral() / region.optical_mass();
+            assert!((ratio - 1.0).abs() < 0.02, "{periodic} {size}: {ratio}");
+        }
+    }
+}
