@@ -83,7 +83,8 @@ fn voxels(triangles: &[[DVec3; 3]], exterior: f64, interior: f64) -> f64 {
     let (low, high) =
         triangles.iter().flatten().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &corner| (low.min(corner), high.max(corner)));
     let margin = exterior + f64::from(BRICK_SIDE);
-    if !(low.abs().max_element().max(high.abs().max_element()) + margin < FARTHEST) {
+    let farthest = low.abs().max_element().max(high.abs().max_element()) + margin;
+    if farthest.is_nan() || farthest > FARTHEST {
         return f64::INFINITY;
     }
     let (mut area, mut volume) = (0.0, 0.0);

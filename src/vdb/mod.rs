@@ -295,8 +295,11 @@ impl VdbFile {
     }
 }
 
+/// Origins of bricks, and their samples.
+type Drained = (Vec<[i32; 3]>, Vec<f32>);
+
 /// The origins and samples of all bricks, which leave the tree; `None` where memory does not hold them.
-fn drain(mut bricks: cxx::UniquePtr<ffi::Bricks>) -> std::result::Result<Option<(Vec<[i32; 3]>, Vec<f32>)>, cxx::Exception> {
+fn drain(mut bricks: cxx::UniquePtr<ffi::Bricks>) -> std::result::Result<Option<Drained>, cxx::Exception> {
     let mut origins = vec![[0; 3]; bricks.count()];
     let mut values = Vec::new();
     if values.try_reserve_exact(origins.len() * BRICK_VOXELS).is_err() {
