@@ -48,11 +48,14 @@ impl Cover {
         match shape {
             Shape::Ellipsoid { world_from_unit } => Cover::ellipsoid(DAffine3::from_mat3(turn) * *world_from_unit),
             Shape::Slab { .. } => Cover { solid: Solid::Box(1.0), bounds: turned(shape.bounds()), lines: 1 },
-            Shape::Grid(grid) => Cover {
-                solid: Solid::Grid(Arc::clone(grid), DAffine3::from_mat3(turn.transpose())),
-                bounds: turned(shape.bounds()),
-                lines: 2,
-            },
+            Shape::Grid(grid) => {
+                // Density reaches half a voxel beyond the bounds; but what is beyond a tile is the next tile's.
+                let (mut bounds, tile) = (grid.support(), grid.bounds());
+                if grid.periodic {
+                    bounds = Bounds { min: tile.min.with_z(bounds.min.z), max: tile.max.with_z(bounds.max.z) };
+                }
+                Cover { solid: Solid::Grid(Arc::clone(grid), DAffine3::from_mat3(turn.transpose())), bounds: turned(bounds), lines: 2 }
+            }
             Shape::Mesh(mesh) => {
                 let mesh = Mesh { vertices: mesh.vertices.iter().map(|&v| turn * v).collect(), triangles: mesh.triangles.clone() };
                 Cover { bounds: mesh.bounds(), solid: Solid::Mesh { mesh, triangles: TriMesh::default() }, lines: 4 }
@@ -91,9 +94,7 @@ impl Cover {
                 let world = turn * DAffine3::from_translation(anchor) * DAffine3::from_scale(step);
                 // As many points a voxel as it has samples along an edge, and where the lattices agree the samples themselves.
                 let lines = (step.max_element() / grid.voxel_size()).ceil().clamp(1.0, 16.0) as i32;
-                // Density reaches half a voxel of the grid beyond its bounds; what is beyond a tile is the next tile's.
-                let grow = if grid.periodic { DVec3::Z } else { DVec3::ONE };
-                Cover { solid: Solid::Grid(grid, world), bounds: Bounds { min: bounds.min - grow, max: bounds.max + grow }, lines }
+                Cover { solid: Solid::Grid(grid, world), bounds, lines }
             }
             Solid::Mesh { mut mesh, .. } => {
                 mesh.vertices.iter_mut().for_each(|v| *v = lattice.index(*v));
