@@ -23,7 +23,8 @@ pub(super) struct Compiled {
 enum Form {
     /// What nothing is done to, as exactly as voxels can be.
     Plain(Shape),
-    Metaballs(Arc<Metaballs>),
+    /// A family, and how much field above its threshold makes the full density.
+    Metaballs(Arc<Metaballs>, f64),
     /// From the world to the unit ball.
     Ellipsoid(DAffine3),
     /// A layer: its middle and half its sides; infinite where it is endless.
@@ -72,7 +73,7 @@ impl Compiled {
         let form = match &part.solid {
             Solid::Metaballs(family) => {
                 bounds = own;
-                Form::Metaballs(Arc::clone(family))
+                Form::Metaballs(Arc::clone(family), family.span())
             }
             Solid::Shape(shape) if setting.noise.is_none() && falloff == 0.0 => Form::Plain(shape.clone()),
             Solid::Shape(shape) => match shape {
@@ -111,7 +112,7 @@ impl Compiled {
                 let bounds = cover.bounds;
                 visit(Piece { part, element: 0, shift, cover: Some(cover) }, bounds);
             }
-            Form::Metaballs(family) => {
+            Form::Metaballs(family, _) => {
                 for (element, one) in (0..).zip(&family.elements) {
                     visit(Piece { part, element, shift, cover: None }, voxels(one.bounds()));
                 }
@@ -135,7 +136,7 @@ impl Compiled {
             let q = p - shift;
             let density = match &self.form {
                 Form::Plain(_) => 0.0,
-                Form::Metaballs(family) => self.of_family(family, group, p, q, setting, moved),
+                Form::Metaballs(family, span) => of_family(family, *span, group, [p, q], setting, moved),
                 Form::Ellipsoid(unit_from_world) => self.at_depth(ellipsoid_depth(unit_from_world, q), p, setting, moved),
                 Form::Layer(centre, half) => self.at_depth((*half - (q - *centre).abs()).min_element(), p, setting, moved),
                 Form::Depths(depths) => {
@@ -158,31 +159,31 @@ impl Compiled {
         let density = noise.moved(p, moved, |by| rise((depth + by).min(above)));
         noise.eroded(density, p, moved)
     }
+}
 
-    /// The density of a family of metaballs at `q`, shifted to `p`.
-    ///
-    /// Detail moves the surface: the field here is that of a lone ball at some radius, and becomes that ball's field as far inward or
-    /// outward as the surface moves.
-    fn of_family(&self, family: &Metaballs, group: &[&Piece], p: DVec3, q: DVec3, setting: &Setting, moved: &mut Moved) -> f64 {
-        let mut look = Look::default();
-        for piece in group {
-            look.add(&family.elements[piece.element as usize], q);
-        }
-        let (threshold, span) = (family.threshold, family.span());
-        let rise = |field: f64, contrast: f64| (contrast * (field - threshold) / span).clamp(0.0, 1.0);
-        let Some(noise) = setting.noise else { return rise(look.field, 1.0) };
-        let Some((radius, stiffness)) = look.ball() else { return 0.0 };
-        let lone = |r: f64| {
-            let inside = (1.0 - r * r / (radius * radius)).max(0.0);
-            stiffness * inside * inside * inside
-        };
-        let at = radius * (1.0 - (look.field.clamp(0.0, stiffness) / stiffness).cbrt()).max(0.0).sqrt();
-        let still = look.field - lone(at);
-        let voxel = setting.lattice.step.max_element();
-        let above = ((p.z - setting.base) / voxel + 0.5).clamp(0.0, 1.0);
-        let density = noise.moved(p, moved, |by| above * rise(still + lone((at - by).max(0.0)), noise.contrast()));
-        noise.eroded(density, p, moved)
+/// The density of a family of metaballs, `span` of whose field makes the full density, at a point that is shifted to `p` from `q`.
+///
+/// Detail moves the surface: the field here is that of a lone ball at some radius, and becomes that ball's field as far inward or
+/// outward as the surface moves.
+fn of_family(family: &Metaballs, span: f64, group: &[&Piece], [p, q]: [DVec3; 2], setting: &Setting, moved: &mut Moved) -> f64 {
+    let mut look = Look::default();
+    for piece in group {
+        look.add(&family.elements[piece.element as usize], q);
     }
+    let threshold = family.threshold;
+    let rise = |field: f64, contrast: f64| (contrast * (field - threshold) / span).clamp(0.0, 1.0);
+    let Some(noise) = setting.noise else { return rise(look.field, 1.0) };
+    let Some((radius, stiffness)) = look.ball() else { return 0.0 };
+    let lone = |r: f64| {
+        let inside = (1.0 - r * r / (radius * radius)).max(0.0);
+        stiffness * inside * inside * inside
+    };
+    let at = radius * (1.0 - (look.field.clamp(0.0, stiffness) / stiffness).cbrt()).max(0.0).sqrt();
+    let still = look.field - lone(at);
+    let voxel = setting.lattice.step.max_element();
+    let above = ((p.z - setting.base) / voxel + 0.5).clamp(0.0, 1.0);
+    let density = noise.moved(p, moved, |by| above * rise(still + lone((at - by).max(0.0)), noise.contrast()));
+    noise.eroded(density, p, moved)
 }
 
 /// The depth below an ellipsoid's surface, m: exact for spheres, and to first order near the surface of others.
