@@ -60,7 +60,7 @@ impl Solid {
             Solid::Shape(shape) => Ok(shape.thickness()),
             Solid::Metaballs(_) => {
                 let alone = Sculpture { parts: vec![Part::new(self.clone())], detail: None, tile: None };
-                let coarse = alone.bounds().size().max_element() / ROUGH;
+                let coarse = alone.bounds().size().max_element() / (0.5 * ROUGH);
                 Ok(alone.voxels(coarse, &no_meshes, progress)?.thickest())
             }
         }

@@ -286,6 +286,41 @@ fn what_differs_in_extinction_alone_shares_a_grid_and_keeps_its_mass() {
 }
 
 #[test]
+fn meshes_may_be_soft_and_odd() {
+    let mut gltf = Gltf::default();
+    let soft = gltf.object("Soft", &cube());
+    gltf.set(soft, json!({"extras": {"cloudvdb": {"shape": "mesh", "falloff": 0.5}}}));
+    let layout = read("layout.glb", &gltf.glb(), &ImportOptions { max_voxels: 1_000_000, ..Default::default() }).unwrap();
+    let [region] = &layout.scene.regions[..] else { panic!() };
+    // A cube of side 2, whose density rises over half a metre: the mean volume of the cubes at depths from 0 to that.
+    let n = 1000;
+    let sides = |i: i32| (2.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(n) * 0.5).powi(3);
+    let integral = (0..n).map(sides).sum::<f64>() / f64::from(n);
+    assert!((grid(region).integral() / integral - 1.0).abs() < 5e-3, "{} {integral}", grid(region).integral());
+
+    // Two cubes in one mesh, half through each other: their union.
+    let mut gltf = Gltf::default();
+    let mut both = cube();
+    let first = both.0.len() as u32;
+    let second = cube();
+    both.0.extend(second.0.iter().map(|p| [p[0] + 1.0, p[1], p[2]]));
+    both.1.extend(second.1.iter().map(|t| t.map(|v| v + first)));
+    let tangled = gltf.object("Tangled", &both);
+    gltf.set(tangled, json!({"extras": {"cloudvdb": {"shape": "mesh"}}}));
+    let layout = read("layout.glb", &gltf.glb(), &ImportOptions { max_voxels: 1_000_000, ..Default::default() }).unwrap();
+    assert!(layout.notes.iter().any(|n| n.contains("passes through itself")), "{:?}", layout.notes);
+    assert!((grid(&layout.scene.regions[0]).integral() / 12.0 - 1.0).abs() < 0.02, "{}", grid(&layout.scene.regions[0]).integral());
+
+    // A face of twelve is missing: too much to mend.
+    let mut gltf = Gltf::default();
+    let mut open = cube();
+    open.1.truncate(10);
+    let open = gltf.object("Open", &open);
+    gltf.set(open, json!({"extras": {"cloudvdb": {"shape": "mesh"}}}));
+    refused(&gltf, &["open: 4 edges", "Fill Holes"]);
+}
+
+#[test]
 fn layouts_are_repeated_as_grids() {
     let mut gltf = Gltf::default();
     gltf.ball(json!({"name": "A", "translation": [0, 0, 0]}));
@@ -685,10 +720,29 @@ fn busy() -> Gltf {
     let moves = gltf.floats(&[[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     gltf.node(json!({"name": "Many", "mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": moves}}}}));
     gltf.node(json!({"name": "Slab", "extras": {"cloudvdb": {"shape": "slab", "half_height": 1.0, "sigma_s": [1, 2, 3]}}}));
-    gltf.node(json!({"name": "Mball", "extensions": {"CLOUDVDB_metaballs": {"elements": [{"radius": 1, "co": [1, 2, 3]}]}}}));
     gltf.push("cameras", json!({"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}));
     gltf.node(json!({"name": "Cam", "camera": 0, "rotation": [0, 0, 0, 1]}));
     gltf
+}
+
+proptest! {
+    // Voxels take time: fewer cases, and coarse ones.
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn no_digits_of_metaballs_make_it_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), b'0'..=b'9'), 1..8)) {
+        let mut gltf = Gltf::default();
+        let elements = json!([{"radius": 1.25, "co": [1.5, 2.5, 3.5]}, {"type": "CUBE", "radius": 2.5, "size": [1.5, 0.5, 2.5], "stiffness": 3.5}]);
+        let mut node = metaballs("Mball", [1.5, 2.5, 3.5], elements);
+        node["extras"] = json!({"cloudvdb": {"detail": {"genus": "congestus", "size": 1.5, "octaves": 2, "strength": 1.5}}});
+        gltf.node(node);
+        let mut text = serde_json::to_vec(&gltf.json).unwrap();
+        let digits: Vec<usize> = (0..text.len()).filter(|&i| text[i].is_ascii_digit()).collect();
+        for (place, byte) in changes {
+            text[digits[place.index(digits.len())]] = byte;
+        }
+        let _ = read("fuzz.gltf", &text, &ImportOptions { max_voxels: 20_000, ..Default::default() });
+    }
 }
 
 proptest! {

@@ -5,8 +5,10 @@ use super::{
     at::{At, file_error},
     buffers::Buffers,
     extras::{self, SceneSpec, Spec},
+    gltf::Thing,
     json,
     medium::{Filling, MediumSpec},
+    mend::Mended,
     mesh::{self, RawMesh, Summary},
     metaballs::Balls,
     settle::{self, Draft},
@@ -16,7 +18,7 @@ use super::{
 use crate::{
     Error, Result,
     progress::Progress,
-    scene::{Scene, Surface},
+    scene::{Scene, Shape, Surface},
     sculpt::{Element, Metaballs, Solid},
 };
 use glam::DAffine3;
@@ -30,6 +32,8 @@ use std::{
 
 /// The albedo of a surface whose material gives none.
 const GREY: f64 = 0.8;
+/// A mesh that encloses more than this share of its volume twice passes through itself: less is what counting by lines may err.
+const THROUGH: f64 = 0.02;
 /// The most vertices of surfaces and mesh regions, instances included.
 const MAX_VERTICES: usize = 100_000_000;
 
@@ -162,7 +166,7 @@ impl<'a> Builder<'a> {
     fn draft(&self, name: String, solid: Solid, node: &Spec, inner: &MediumSpec) -> Draft {
         let filling = Filling::new(&[self.scene_spec.medium, *inner, node.medium]);
         let detail = self.options.detail.or(node.detail).or(self.scene_spec.detail).flatten();
-        Draft { name, solid, filling, detail, falloff: node.falloff.unwrap_or(0.0) }
+        Draft { name, solid, filling, detail, falloff: node.falloff.unwrap_or(0.0), tangled: false }
     }
 
     /// Adds an object's metaballs to their family.
@@ -184,9 +188,26 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// The triangles of a mesh, in world space and welded.
-    pub fn solid(&mut self, mesh: usize, world: DAffine3, at: At) -> Result<crate::scene::Mesh> {
-        Ok(mesh::solid(self.raw(mesh, at)?, world))
+    /// Adds a closed mesh, or one that was mended, as a region. One that passes through itself becomes voxels, which count what it
+    /// encloses once.
+    pub fn closed(&mut self, mesh: usize, thing: &Thing, inner: &MediumSpec) -> Result<()> {
+        let at = thing.at;
+        let (solid, mended) = mesh::solid(self.raw(mesh, at)?, thing.world);
+        if mended != Mended::default() {
+            let Mended { turned, caps } = mended;
+            self.notes.push(format!("{at}: its mesh was mended: {caps} holes were capped, {turned} faces turned over."));
+        }
+        let overlap = mesh::overlap(&solid);
+        let mut draft = self.draft(at.name(), Solid::Shape(Shape::Mesh(solid.into())), thing.spec, inner);
+        if overlap > THROUGH {
+            self.notes.push(format!(
+                "{at}: its mesh passes through itself ({:.0} % of its volume is enclosed more than once); what it encloses counts once.",
+                100.0 * overlap
+            ));
+            draft.tangled = true;
+        }
+        self.drafts.push(draft);
+        Ok(())
     }
 
     /// Adds a surface for each material of a mesh.

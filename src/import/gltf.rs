@@ -15,7 +15,6 @@ use super::{
 use crate::{
     Result,
     progress::Progress,
-    scene::Shape,
     sculpt::{Solid, visible_radius},
 };
 use glam::{DAffine3, DVec3};
@@ -187,7 +186,11 @@ impl<'a> Builder<'a> {
             }
             Form::Closed if self.options.mesh_volumes => self.surface(thing, "closed, but no name on its path matches --regions"),
             Form::Closed => self.surface(thing, "closed but not sphere-like: a surface; --mesh-volumes makes it a cloud"),
-            Form::Flat | Form::Open(_) => {
+            Form::Open(_, true) if picked && (self.options.mesh_volumes || medium) => {
+                region::check_scale(&world, at)?;
+                self.closed_mesh(thing, summary.form, summary.material, "its mesh is almost closed and has a medium".into())
+            }
+            Form::Flat | Form::Open(..) => {
                 if medium {
                     self.tally("A medium is given, but the mesh is open or flat and became a surface:", at);
                 }
@@ -200,13 +203,13 @@ impl<'a> Builder<'a> {
         let at = thing.at;
         let refused = |found: String, fix: &str| Err(at.error("mesh", found, "a closed mesh", fix));
         match form {
-            Form::Open(1) => {
+            Form::Open(1, false) => {
                 return refused(
                     "open: 1 edge is not shared by two faces".into(),
                     "Close it in Blender (Edit Mode: Mesh > Clean Up > Fill Holes)",
                 );
             }
-            Form::Open(edges) => {
+            Form::Open(edges, false) => {
                 let found = format!("open: {edges} edges are not shared by two faces");
                 return refused(found, "Close it in Blender (Edit Mode: Mesh > Clean Up > Fill Holes)");
             }
@@ -217,12 +220,11 @@ impl<'a> Builder<'a> {
                 );
             }
             Form::Nothing(_) => return refused("without triangles".into(), "Give it faces, or remove the shape from its extras"),
-            Form::Ellipsoid(_) | Form::Closed => {}
+            Form::Ellipsoid(_) | Form::Closed | Form::Open(_, true) => {}
         }
         if let Some(mesh) = thing.mesh {
-            let solid = self.solid(mesh, thing.world, at)?;
             let material = self.material_medium(material, at)?;
-            self.region(at.name(), Solid::Shape(Shape::Mesh(solid.into())), thing.spec, &material);
+            self.closed(mesh, thing, &material)?;
             self.found(at.name(), Became::Region, why);
         }
         Ok(())

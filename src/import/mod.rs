@@ -25,6 +25,7 @@ mod json;
 mod lights;
 mod linear;
 mod medium;
+mod mend;
 mod mesh;
 mod metaballs;
 mod region;

@@ -24,6 +24,8 @@ pub(super) struct Draft {
     pub detail: Option<DetailRequest>,
     /// The depth over which density rises from the boundary inward, m.
     pub falloff: f64,
+    /// A mesh that passes through itself, whose inside OpenVDB must tell.
+    pub tangled: bool,
 }
 
 impl Draft {
@@ -33,7 +35,7 @@ impl Draft {
             Solid::Metaballs(_) => false,
             Solid::Shape(Shape::Grid(_)) => return false,
             Solid::Shape(Shape::Slab { .. }) => true,
-            Solid::Shape(_) => !periodic,
+            Solid::Shape(_) => !periodic && !self.tangled,
         };
         !plain || self.falloff > 0.0 || self.detail.is_some_and(|d| d.strength > 0.0)
     }

@@ -39,7 +39,7 @@ impl Genus {
             Genus::Humilis => Character {
                 form: Form::Bumps { jitter: 1.0, mean: 0.286 },
                 amplitude: 0.45,
-                gain: 0.45,
+                gain: 0.55,
                 bias: 0.0,
                 stretch: DVec3::ONE,
                 warp: 0.12,
@@ -50,8 +50,8 @@ impl Genus {
             },
             Genus::Congestus => Character {
                 form: Form::Bumps { jitter: 1.0, mean: 0.286 },
-                amplitude: 0.75,
-                gain: 0.5,
+                amplitude: 0.7,
+                gain: 0.62,
                 bias: 0.0,
                 stretch: DVec3::ONE,
                 warp: 0.1,
@@ -74,10 +74,10 @@ impl Genus {
             },
             Genus::Altocumulus => Character {
                 form: Form::Bumps { jitter: 0.7, mean: 0.268 },
-                amplitude: 0.9,
+                amplitude: 1.3,
                 gain: 0.35,
-                bias: -0.35,
-                stretch: DVec3::new(1.3, 1.0, 3.0),
+                bias: -0.6,
+                stretch: DVec3::new(1.3, 1.0, 1.5),
                 warp: 0.1,
                 base: 0.0,
                 edge: 0.15,
