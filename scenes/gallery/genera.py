@@ -32,7 +32,7 @@ GENERA = [
     ("none", None, *HEAP),
     ("humilis", None, *HEAP),
     ("congestus", None, *HEAP),
-    ("stratocumulus:size=160", {"preset": "stratus"}, (0.0, -2300.0, 420.0), (0.0, 0.0, 0.0), 45.0),
+    ("stratocumulus:size=200", {"preset": "stratus"}, (0.0, -900.0, -800.0), (0.0, 900.0, 60.0), 60.0),
     ("altocumulus:size=110", {"preset": "stratus"}, (0.0, -900.0, -900.0), (0.0, 900.0, 100.0), 60.0),
     ("cirrus:size=170", {"sigma_t": 0.006, "albedo": 0.9999, "g": 0.77}, (0.0, -900.0, -900.0), (0.0, 900.0, 60.0), 60.0),
 ]
