@@ -9,7 +9,7 @@ use super::{
 use crate::{
     Error, Result,
     scene::{BrickGrid, Medium, Region, Scene, Shape, Sun, VoxelGrid},
-    vdb::{GridInfo, Meta, VdbFile},
+    vdb::{Carried, FloatGrid, GridInfo, Meta, VdbFile},
 };
 use glam::DVec3;
 use sha2::{Digest, Sha256};
@@ -33,8 +33,8 @@ pub(super) fn layout(path: &Path, options: &ImportOptions) -> Result<Layout> {
         )));
     }
     let file = VdbFile::open(path)?;
-    let name = options.grid.as_deref().unwrap_or(DENSITY);
-    let picked = |info: &GridInfo| info.name == name && info.value_type == "float";
+    let name = name(options);
+    let picked = |info: &GridInfo| is_picked(info, name);
     let many = file.grids().iter().filter(|info| picked(info)).count() > 1;
     let facts = Facts::of(file.metadata());
     let (mut scene, mut findings, mut notes) = (Scene::default(), Vec::new(), facts.remarks.clone());
@@ -72,6 +72,24 @@ pub(super) fn layout(path: &Path, options: &ImportOptions) -> Result<Layout> {
     Ok(Layout { scene, findings, notes, source_hash: hash(path)?, volumes: Vec::new() })
 }
 
+/// The grids of a `.vdb` that are no regions, to be written beside what becomes of those.
+///
+/// # Errors
+/// [`Error::File`] where the file cannot be read, [`Error::Vdb`] where OpenVDB refuses it.
+pub fn others(path: &Path, options: &ImportOptions) -> Result<Carried> {
+    Ok(VdbFile::open(path)?.carried(|info| !is_picked(info, name(options))))
+}
+
+/// The name of the grids that are regions.
+fn name(options: &ImportOptions) -> &str {
+    options.grid.as_deref().unwrap_or(DENSITY)
+}
+
+/// Whether a grid is a region, or would be one if anything were in it.
+fn is_picked(info: &GridInfo, name: &str) -> bool {
+    info.name == name && info.value_type == "float"
+}
+
 /// The error of a file in which no grid of this name holds anything.
 fn nothing(path: &Path, file: &VdbFile, name: &str) -> Error {
     if file.grids().iter().any(|info| info.name == name && info.value_type == "float") {
@@ -97,7 +115,7 @@ pub(super) fn voxels(path: &Path, file: &VdbFile, index: usize, info: &GridInfo,
             return Err(file_error(path, reason, "Give every axis a voxel size other than 0, and resample it"));
         }
     }
-    let (mut bricks, active) = file.read_active_at(index)?;
+    let FloatGrid { mut bricks, active, background } = file.read_whole_at(index)?;
     let Some([min, max]) = active.filter(|_| !bricks.origins.is_empty()) else { return Ok(None) };
     let sides: [i64; 3] = std::array::from_fn(|a| i64::from(max[a]) - i64::from(min[a]) + 1);
     if min.iter().chain(&max).any(|&i| i64::from(i).abs() > FARTHEST_INDEX) {
@@ -109,6 +127,9 @@ pub(super) fn voxels(path: &Path, file: &VdbFile, index: usize, info: &GridInfo,
         let reason =
             format!("the active voxels of grid {name:?} lie in a box of {x} x {y} x {z} voxels, which is too large to look through");
         return Err(file_error(path, reason, "Remove stray voxels far from the cloud, split the grid, or resample it coarser"));
+    }
+    if background != 0.0 {
+        notes.push(format!("The background of grid {name:?} is {background} and not 0: only its active samples were read as cloud."));
     }
     settle(path, name, &mut bricks, notes)?;
     let grid = VoxelGrid::new(bricks, min, max, false);
