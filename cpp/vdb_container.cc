@@ -94,7 +94,7 @@ openvdb::math::Transform::Ptr read_transform(GuardedStream &is) {
 
 bool is_checkable(const std::string &tree_type) { return width_of(tree_type) != nullptr; }
 
-openvdb::GridBase::Ptr read_tree(GuardedStream &is, const GridEntry &entry) {
+openvdb::GridBase::Ptr read_tree(GuardedStream &is, const GridEntry &entry, bool leaves) {
     const std::string type(entry.type_name);
     const Width *width = width_of(type);
     if (!width) throw std::runtime_error("trees of the type " + type + " cannot be read");
@@ -113,9 +113,10 @@ openvdb::GridBase::Ptr read_tree(GuardedStream &is, const GridEntry &entry) {
     auto *const kept = unfreed.release();
     openvdb::TreeBase &tree = (*kept)->baseTree();
     tree.readTopology(is, entry.tree_half);
-    tree.readBuffers(is, entry.tree_half);
+    if (leaves) tree.readBuffers(is, entry.tree_half);
     is.buffer().expect_none();
     unfreed.reset(kept);
+    if (!leaves) return *unfreed;
     if (type == openvdb::BoolTree::treeType()) check_places<openvdb::BoolGrid>(*unfreed);
     if (type == openvdb::MaskTree::treeType()) check_places<openvdb::MaskGrid>(*unfreed);
     return *unfreed;

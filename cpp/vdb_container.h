@@ -60,6 +60,7 @@ openvdb::math::Transform::Ptr read_transform(GuardedStream &is);
 bool is_checkable(const std::string &tree_type);
 // The tree, in a grid that has nothing else, which is never freed unless it was read to the end: OpenVDB 10's nodes cannot be
 // destroyed half-read (their child pointers are set after their masks), so a damaged file costs some memory instead of a crash.
-openvdb::GridBase::Ptr read_tree(GuardedStream &is, const GridEntry &grid);
+// Without `leaves` what they hold is left to read.
+openvdb::GridBase::Ptr read_tree(GuardedStream &is, const GridEntry &grid, bool leaves = true);
 
 } // namespace cloudvdb

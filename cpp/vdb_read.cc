@@ -2,6 +2,7 @@
 #include "cloudvdb/cpp/vdb_container.h"
 
 #include "cloudvdb/cpp/bricks.h"
+#include "cloudvdb/cpp/chunks.h"
 
 #include <algorithm>
 #include <map>
@@ -147,7 +148,10 @@ std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEnt
         GuardedStream is(file_name(path));
         const Container container(is);
         auto inside = std::make_unique<Bricks::Inside>();
-        inside->tree = openvdb::gridPtrCast<openvdb::FloatGrid>(read_tree(is, grid))->treePtr();
+        inside->tree = openvdb::gridPtrCast<openvdb::FloatGrid>(read_tree(is, grid, /*leaves=*/false))->treePtr();
+        const auto chunks = std::make_shared<Chunks>(file_name(path));
+        chunks->find(is, grid, *inside->tree);
+        inside->chunks = chunks;
         inside->tree->evalActiveVoxelBoundingBox(inside->active);
         inside->max_voxels = max_voxels;
         auto tile = inside->tree->cbeginValueOn();
@@ -155,10 +159,9 @@ std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEnt
         for (; tile; ++tile) {
             if (*tile != 0.0f) inside->add_tile(tile.getBoundingBox(), *tile);
         }
-        for (auto leaf = inside->tree->beginLeaf(); leaf; ++leaf) {
-            bool empty = true;
-            for (auto value = leaf->cbeginValueOn(); value && empty; ++value) empty = *value == 0.0f;
-            if (!empty) inside->add(*leaf);
+        std::size_t number = 0;
+        for (auto leaf = inside->tree->beginLeaf(); leaf; ++leaf, ++number) {
+            if (!leaf->isEmpty()) inside->add(*leaf, number);
         }
         inside->sort();
         return std::make_unique<Bricks>(std::move(inside));
@@ -180,19 +183,24 @@ void Bricks::take(std::size_t first, rust::Slice<std::int32_t> origins, rust::Sl
     if (origins.size() != count * 3 || values.size() != count * kVoxels || first > sources.size() || count > sources.size() - first) {
         throw std::invalid_argument("bricks and samples do not match");
     }
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 64), [&](const tbb::blocked_range<std::size_t> &range) {
+    const auto copy = [&](const tbb::blocked_range<std::size_t> &range) {
         for (std::size_t i = range.begin(); i < range.end(); ++i) {
             auto &source = sources[first + i];
             for (std::size_t axis = 0; axis < 3; ++axis) origins[3 * i + axis] = source.origin[int(axis)];
             float *to = values.data() + i * kVoxels;
+            if (source.leaf && inside_->chunks) {
+                inside_->chunks->read(source.number, *source.leaf, to);
+                continue;
+            }
             std::fill_n(to, kVoxels, source.tile);
             if (!source.leaf) continue;
             for (auto value = source.leaf->cbeginValueOn(); value; ++value) to[value.pos()] = *value;
             Leaf::Buffer none(openvdb::PartialCreate(), 0.0f);
             source.leaf->swap(none);
         }
-    });
-    give_back();
+    };
+    reading([&] { tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 64), copy); });
+    if (!inside_->chunks) give_back();
 }
 
 std::uint64_t count_active(rust::Slice<const std::uint8_t> path, const GridEntry &grid) {

@@ -8,10 +8,12 @@ use super::{
 };
 use crate::{
     Error, Result,
+    scene::density::BRICK_VOXELS,
     scene::{BrickGrid, Medium, Region, Scene, Shape, Sun, VoxelGrid},
     vdb::{Carried, FloatGrid, GridInfo, Meta, VdbFile},
 };
 use glam::DVec3;
+use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::{fmt::Write, io::Read, path::Path, sync::Arc};
 
@@ -24,8 +26,15 @@ const MOST_NODES: i64 = 1 << 24;
 /// Indices are 32-bit, and so are differences of them.
 const FARTHEST_INDEX: i64 = 1 << 30;
 
-/// Reads every float grid of the name asked for as a region.
+/// Reads every float grid of the name asked for as a region, and meanwhile the file's hash.
 pub(super) fn layout(path: &Path, options: &ImportOptions) -> Result<Layout> {
+    let (layout, source_hash) = rayon::join(|| regions(path, options), || hash(path));
+    let layout = layout?;
+    Ok(Layout { source_hash: source_hash?, ..layout })
+}
+
+/// The layout but for its hash.
+fn regions(path: &Path, options: &ImportOptions) -> Result<Layout> {
     if options.regions.is_some() || options.mesh_volumes {
         return Err(Error::Usage(format!(
             "{}: --regions and --mesh-volumes pick among meshes, and a .vdb has none; --grid NAME picks its grids",
@@ -69,7 +78,7 @@ pub(super) fn layout(path: &Path, options: &ImportOptions) -> Result<Layout> {
     }
     fill(&mut scene.regions, &open, &facts, options, &mut notes);
     scene.sun = sun(&facts, options, &mut findings, &mut notes);
-    Ok(Layout { scene, findings, notes, source_hash: hash(path)?, volumes: Vec::new() })
+    Ok(Layout { scene, findings, notes, source_hash: String::new(), volumes: Vec::new() })
 }
 
 /// The grids of a `.vdb` that are no regions, to be written beside what becomes of those.
@@ -138,16 +147,20 @@ pub(super) fn voxels(path: &Path, file: &VdbFile, index: usize, info: &GridInfo,
 
 /// Refuses samples that are not finite; takes negative ones as 0, and says how many there were.
 fn settle(path: &Path, name: &str, bricks: &mut BrickGrid, notes: &mut Vec<String>) -> Result<()> {
-    let (mut wild, mut negative, mut lowest) = (0u64, 0u64, 0.0f32);
-    for value in &mut bricks.values {
-        if !value.is_finite() {
-            wild += 1;
-        } else if *value < 0.0 {
-            negative += 1;
-            lowest = lowest.min(*value);
-            *value = 0.0;
+    let look = |(mut wild, mut negative, mut lowest): (u64, u64, f32), brick: &mut [f32]| {
+        for value in brick {
+            if !value.is_finite() {
+                wild += 1;
+            } else if *value < 0.0 {
+                negative += 1;
+                lowest = lowest.min(*value);
+                *value = 0.0;
+            }
         }
-    }
+        (wild, negative, lowest)
+    };
+    let both = |a: (u64, u64, f32), b: (u64, u64, f32)| (a.0 + b.0, a.1 + b.1, a.2.min(b.2));
+    let (wild, negative, lowest) = bricks.values.par_chunks_mut(BRICK_VOXELS).fold(|| (0, 0, 0.0), look).reduce(|| (0, 0, 0.0), both);
     if wild > 0 {
         let reason = format!("{wild} samples of grid {name:?} are not finite (NaN or infinite)");
         return Err(file_error(path, reason, "Mend them where the file was made (in Houdini: a VDB Clip or a Volume Wrangle)"));
@@ -259,7 +272,7 @@ fn triple(all: &[(String, Meta)], key: &str) -> Option<Option<[f64; 3]>> {
 pub(super) fn hash(path: &Path) -> Result<String> {
     let unreadable = |e: std::io::Error| file_error(path, e.to_string(), "Name a VDB file that can be read");
     let mut file = std::fs::File::open(path).map_err(unreadable)?;
-    let (mut hash, mut block) = (Sha256::new(), vec![0u8; 1 << 16]);
+    let (mut hash, mut block) = (Sha256::new(), vec![0u8; 1 << 18]);
     loop {
         match file.read(&mut block).map_err(unreadable)? {
             0 => break,

@@ -306,9 +306,11 @@ impl VdbFile {
             _ => None,
         };
         let (count, background) = (bricks.count(), bricks.background());
-        let Some((origins, values)) = drain(bricks).map_err(vdb)? else {
+        let Some(mut drained) = drain(bricks).map_err(vdb)? else {
             return Err(self.refused(format!("{count} bricks of the grid \"{}\" do not fit into memory", info.name), "Resample it coarser"));
         };
+        trim(&mut drained);
+        let (origins, values) = drained;
         Ok(FloatGrid { bricks: BrickGrid { world_from_index, origins, values }, active, background })
     }
 
@@ -333,6 +335,21 @@ fn drain(mut bricks: cxx::UniquePtr<ffi::Bricks>) -> std::result::Result<Option<
         bricks.pin_mut().take(i * TAKEN, origins.as_flattened_mut(), &mut values[first..])?;
     }
     Ok(Some((origins, values)))
+}
+
+/// Drops bricks without a sample other than 0.
+fn trim((origins, values): &mut Drained) {
+    let full = |brick: &[f32]| brick.iter().any(|&v| v != 0.0);
+    let kept: Vec<usize> = values.chunks(BRICK_VOXELS).enumerate().filter(|(_, brick)| full(brick)).map(|(i, _)| i).collect();
+    if kept.len() == origins.len() {
+        return;
+    }
+    for (to, &from) in kept.iter().enumerate() {
+        origins[to] = origins[from];
+        values.copy_within(from * BRICK_VOXELS..(from + 1) * BRICK_VOXELS, to * BRICK_VOXELS);
+    }
+    origins.truncate(kept.len());
+    values.truncate(kept.len() * BRICK_VOXELS);
 }
 
 /// What the descriptor and the metadata of a grid say.
