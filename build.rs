@@ -33,7 +33,7 @@ fn main() {
     }
 
     let mut build = cxx_build::bridge("src/vdb/ffi.rs");
-    build.files(["cpp/vdb_bridge.cc", "cpp/vdb_mesh.cc", "cpp/vdb_read.cc"]);
+    build.files(["chunks", "vdb_bridge", "vdb_carry", "vdb_container", "vdb_mesh", "vdb_read"].map(|name| format!("cpp/{name}.cc")));
     if std::env::var_os("CARGO_FEATURE_BENCH_BASELINE").is_some() {
         build.file("cpp/bench_baseline.cc");
     }

@@ -1,4 +1,4 @@
-// What OpenVDB itself takes from C++ for a dense fog volume; compiled for benches/vdb_write.rs only.
+// What OpenVDB itself takes from C++; compiled for benches/vdb_read.rs and benches/vdb_write.rs only.
 #include <openvdb/io/File.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Dense.h>
@@ -22,6 +22,17 @@ extern "C" int cloudvdb_bench_baseline(const char *path, const float *samples, s
     file.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
     file.write({grid});
     return 0;
+} catch (const std::exception &error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
+}
+
+/// Reads every grid of `path`, samples and all. Returns 0, or 1 if that failed.
+extern "C" int cloudvdb_bench_read(const char *path) try {
+    openvdb::initialize();
+    openvdb::io::File file(path);
+    file.open(/*delayLoad=*/false);
+    return file.getGrids()->empty() ? 1 : 0;
 } catch (const std::exception &error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 1;

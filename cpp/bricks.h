@@ -13,6 +13,8 @@
 
 namespace cloudvdb {
 
+class Chunks;
+
 struct Bricks::Inside {
     using Tree = openvdb::FloatTree;
     using Leaf = Tree::LeafNodeType;
@@ -20,22 +22,24 @@ struct Bricks::Inside {
         openvdb::Coord origin;
         Leaf *leaf; // or none, for a piece of a tile of this value
         float tile;
+        std::size_t number; // of the leaf, in the order of the tree
     };
     std::shared_ptr<Tree> tree;
+    std::shared_ptr<const Chunks> chunks; // what the leaves hold, where it is not in them
     openvdb::CoordBBox active;
     std::vector<Source> sources;
     std::uint64_t max_voxels = 0;
 
-    void add(Leaf &leaf) {
+    void add(Leaf &leaf, std::size_t number = 0) {
         account(1);
-        sources.push_back({leaf.origin(), &leaf, 0.0f});
+        sources.push_back({leaf.origin(), &leaf, 0.0f, number});
     }
     void add_tile(const openvdb::CoordBBox &box, float value) {
         const auto side = std::uint64_t(std::int64_t(box.max().x()) - box.min().x() + 1) / Leaf::DIM; // tiles are cubes
         account(side * side * side);
         for (std::uint64_t i = 0; i < side * side * side; ++i) {
             const auto along = [&](std::uint64_t n) { return std::int32_t(n % side * Leaf::DIM); };
-            sources.push_back({box.min() + openvdb::Coord(along(i / (side * side)), along(i / side), along(i)), nullptr, value});
+            sources.push_back({box.min() + openvdb::Coord(along(i / (side * side)), along(i / side), along(i)), nullptr, value, 0});
         }
     }
     /// Bricks in their order, each place once.

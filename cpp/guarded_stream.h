@@ -27,11 +27,15 @@ class GuardedBuffer : public std::streambuf {
     std::int64_t size() const { return size_; }
     std::int64_t left() const { return size_ - at_; }
 
-    /// From here on chunks of a tree follow, whose values are `value_bytes` wide and stored for active voxels only if `masked`.
-    void expect_chunks(std::size_t value_bytes, bool masked, bool blosc) {
+    /// From here on chunks of a tree follow. Values are `value_bytes` wide in memory and `stored_bytes` in a chunk (less for half
+    /// floats), and stored for active voxels only if `masked`.
+    void expect_chunks(std::size_t value_bytes, std::size_t stored_bytes, bool masked, bool blosc) {
         stage_ = Stage::Elsewhere;
-        value_bytes_ = value_bytes, masked_ = masked, blosc_ = blosc, guarding_ = true;
+        value_bytes_ = std::streamsize(value_bytes), stored_bytes_ = std::int64_t(stored_bytes), masked_ = masked, blosc_ = blosc;
+        guarding_ = true;
     }
+    /// From here on there are no chunks.
+    void expect_none() { guarding_ = false; }
 
   protected:
     std::streamsize xsgetn(char *to, std::streamsize n) override {
@@ -62,52 +66,78 @@ class GuardedBuffer : public std::streambuf {
 
   private:
     // Reads before a chunk: [child mask] value mask, 1 byte of kind, 0 to 2 inactive values, [selection mask], 8 bytes of size.
-    enum class Stage { Elsewhere, Mask, Kind, Chunk };
+    enum class Stage { Elsewhere, Mask, Inactive, Selection, Size, Chunk };
 
     void follow(const char *bytes, std::streamsize n) {
-        const bool mask = n == 64 || n == 512 || n == 4096; // of a leaf, and of the two levels of nodes above
-        if (stage_ == Stage::Chunk) {
-            stage_ = Stage::Elsewhere;
-            std::uint32_t own_size = 0;
-            if (n >= 16) std::memcpy(&own_size, bytes + 12, 4);
-            if (packed_ && blosc_ && own_size != std::uint64_t(n)) throw std::runtime_error(kWrongSize);
-        } else if (mask && stage_ == Stage::Kind && kind_ >= 3 && kind_ <= 5 && !selected_) {
-            selected_ = true;
-        } else if (mask) {
-            stage_ = Stage::Mask;
-            slots_ = std::int64_t(n) * 8, active_ = 0;
-            for (std::streamsize i = 0; i < n; ++i) active_ += __builtin_popcount(static_cast<unsigned char>(bytes[i]));
-        } else if (n == 1 && stage_ == Stage::Mask) {
-            stage_ = Stage::Kind;
-            kind_ = bytes[0], selected_ = false;
-            if (kind_ < 0 || kind_ > 6) throw std::runtime_error("the tree is damaged (a node of an unknown kind)");
-        } else if (n == 8 && stage_ == Stage::Kind) {
+        switch (stage_) {
+        case Stage::Inactive:
+            expect(n == value_bytes_);
+            --inactive_;
+            return next();
+        case Stage::Selection:
+            expect(n * 8 == slots_);
+            selects_ = false;
+            return next();
+        case Stage::Size: {
+            expect(n == 8);
             std::int64_t size = 0;
             std::memcpy(&size, bytes, 8);
             check(size);
             packed_ = size > 0;
             stage_ = size == 0 ? Stage::Elsewhere : Stage::Chunk;
-        } else if (!(n == 4 && stage_ == Stage::Kind)) {
+            return;
+        }
+        case Stage::Chunk: {
             stage_ = Stage::Elsewhere;
+            std::uint32_t own_size = 0;
+            if (n >= 16) std::memcpy(&own_size, bytes + 12, 4);
+            if (packed_ && blosc_ && own_size != std::uint64_t(n)) throw std::runtime_error(kWrongSize);
+            return;
+        }
+        default: break;
+        }
+        if (n == 64 || n == 512 || n == 4096) { // of a leaf, and of the two levels of nodes above
+            stage_ = Stage::Mask;
+            slots_ = std::int64_t(n) * 8, active_ = 0;
+            for (std::streamsize i = 0; i < n; ++i) active_ += __builtin_popcount(static_cast<unsigned char>(bytes[i]));
+        } else if (n == 1 && stage_ == Stage::Mask) {
+            kind_ = bytes[0];
+            if (kind_ < 0 || kind_ > 6) throw std::runtime_error("the tree is damaged (a node of an unknown kind)");
+            inactive_ = kind_ == 5 ? 2 : kind_ == 2 || kind_ == 4 ? 1 : 0;
+            selects_ = kind_ >= 3 && kind_ <= 5;
+            next();
+        } else {
+            stage_ = Stage::Elsewhere; // the mask of a bool leaf, which has no chunk; and what is no node
         }
     }
 
+    // What follows the kind of a node; no size at all follows where OpenVDB has no half float to read.
+    void next() {
+        const bool none = room() == 0 && stored_bytes_ != value_bytes_;
+        stage_ = inactive_ > 0 ? Stage::Inactive : selects_ ? Stage::Selection : none ? Stage::Elsewhere : Stage::Size;
+    }
+
+    std::int64_t room() const { return (masked_ && kind_ != 6 ? active_ : slots_) * stored_bytes_; }
+
     // A positive size is that of compressed bytes, a negative one that of plain bytes.
     void check(std::int64_t size) const {
-        const std::int64_t room = (masked_ && kind_ != 6 ? active_ : slots_) * std::int64_t(value_bytes_);
         if (size > left()) throw std::runtime_error("the file ends too early, it was probably truncated");
-        if (size <= 0 && size != -room) throw std::runtime_error(kWrongSize);
+        if (size <= 0 && size != -room()) throw std::runtime_error(kWrongSize);
+    }
+
+    static void expect(bool as_known) {
+        if (!as_known) throw std::runtime_error("OpenVDB reads its trees in another way than is known here");
     }
 
     static constexpr const char *kWrongSize = "the tree is damaged (a chunk of the wrong size)";
 
     std::filebuf file_;
     std::int64_t size_ = 0, at_ = 0;
-    bool guarding_ = false, masked_ = true, blosc_ = true, packed_ = false, selected_ = false;
-    std::size_t value_bytes_ = 4;
+    bool guarding_ = false, masked_ = true, blosc_ = true, packed_ = false, selects_ = false;
+    std::streamsize value_bytes_ = 4;
     Stage stage_ = Stage::Elsewhere;
-    int kind_ = 0;
-    std::int64_t slots_ = 0, active_ = 0;
+    int kind_ = 0, inactive_ = 0;
+    std::int64_t stored_bytes_ = 4, slots_ = 0, active_ = 0;
 };
 
 /// The stream over such a buffer; every read that falls short throws.

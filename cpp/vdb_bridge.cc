@@ -1,9 +1,8 @@
 // Writing: bricks of samples become trees, trees become a file.
-#include "cloudvdb/cpp/vdb_bridge.h"
+#include "cloudvdb/cpp/draft.h"
 #include "cloudvdb/src/vdb/ffi.rs.h"
 
 #include <openvdb/io/Archive.h>
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/Prune.h>
 
 #include <cerrno>
@@ -88,13 +87,6 @@ openvdb::FloatTree::Ptr make_tree(rust::Slice<const std::int32_t> origins, rust:
     return tree;
 }
 
-openvdb::math::Transform::Ptr make_transform(rust::Slice<const double> m) {
-    if (m.size() != 12) throw std::invalid_argument("a transform has 12 numbers");
-    // OpenVDB multiplies row vectors from the left, so the columns that come in are the rows here.
-    const openvdb::Mat4d matrix(m[0], m[1], m[2], 0.0, m[3], m[4], m[5], 0.0, m[6], m[7], m[8], 0.0, m[9], m[10], m[11], 1.0);
-    return openvdb::math::Transform::createLinearTransform(matrix); // picks the simplest map that says the same
-}
-
 // An archive with an index of its grids (as io::File writes it) into a stream of ours, so that no failure goes unseen.
 class IndexedArchive : public openvdb::io::Archive {
   public:
@@ -109,10 +101,6 @@ void initialize() {
     static std::once_flag once;
     std::call_once(once, [] { openvdb::initialize(); });
 }
-
-struct Draft::Inside {
-    openvdb::GridCPtrVec grids;
-};
 
 Draft::Draft() : inside_(std::make_unique<Inside>()) {}
 Draft::~Draft() = default;
@@ -131,7 +119,8 @@ void Draft::add(rust::Str name, bool half, rust::Slice<const double> world_from_
                 rust::Slice<const float> values, rust::Slice<const MetaEntry> metadata) {
     auto grid = openvdb::FloatGrid::create(make_tree(origins, values));
     for (const MetaEntry &entry : metadata) insert(*grid, entry);
-    grid->setTransform(make_transform(world_from_index));
+    // Picks the simplest map that says the same.
+    grid->setTransform(openvdb::math::Transform::createLinearTransform(matrix(world_from_index)));
     grid->setName(std::string(name));
     grid->setGridClass(openvdb::GRID_FOG_VOLUME);
     grid->setSaveFloatAsHalf(half);

@@ -35,6 +35,7 @@ class Draft {
     ~Draft();
     void add(rust::Str name, bool half, rust::Slice<const double> world_from_index, rust::Slice<const std::int32_t> origins,
              rust::Slice<const float> values, rust::Slice<const MetaEntry> metadata);
+    void carry(rust::Slice<const std::uint8_t> path, const GridEntry &grid, rust::Slice<const double> turn);
     std::int32_t save(rust::Slice<const std::uint8_t> path, rust::Slice<const MetaEntry> metadata) const;
 
   private:
@@ -50,6 +51,7 @@ class Bricks {
     ~Bricks();
     std::size_t count() const;
     rust::Vec<std::int32_t> active() const;
+    float background() const;
     void take(std::size_t first, rust::Slice<std::int32_t> origins, rust::Slice<float> values);
 
   private:
@@ -63,7 +65,6 @@ void limit_threads(std::size_t threads);
 Found scan(rust::Slice<const std::uint8_t> path);
 std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEntry &grid, std::uint64_t max_voxels);
 std::uint64_t count_active(rust::Slice<const std::uint8_t> path, const GridEntry &grid);
-
 
 /// How deep each sample lies under the surface of a closed mesh, in voxels, negative outside; positions are in index space.
 std::unique_ptr<Bricks> mesh_depth(rust::Slice<const double> points, rust::Slice<const std::uint32_t> triangles, float exterior,

@@ -16,6 +16,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub use cover::Cover;
 pub use size::{fitting, voxel_size};
 
+/// A brick's smallest index and its samples.
+type Brick = ([i32; 3], Box<[f32; BRICK_VOXELS]>);
+
 /// Bricks that are filled between two looks at whether to stop; what they take beside the grid itself stays small.
 const WAVE: usize = 4096;
 
@@ -111,7 +114,7 @@ impl Lattice {
                 fill(IVec3::from_array(group[0].0), &mut group.iter().map(|t| t.1), &mut sum);
                 sum.iter().any(|&v| v > 0.0).then(|| (group[0].0, Box::new(sum.map(|v| v as f32))))
             };
-            let filled: Vec<Option<([i32; 3], Box<[f32; BRICK_VOXELS]>)>> = wave.par_iter().map(one).collect();
+            let filled: Vec<Option<Brick>> = wave.par_iter().map(one).collect();
             progress.check()?;
             for (origin, values) in filled.into_iter().flatten() {
                 grid.origins.push(origin);

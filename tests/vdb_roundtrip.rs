@@ -7,7 +7,7 @@ use std::process::Command;
 
 use cloudvdb::Error;
 use cloudvdb::scene::BrickGrid;
-use cloudvdb::vdb::{GridOut, Meta, VdbFile, write};
+use cloudvdb::vdb::{Carried, GridOut, Meta, VdbFile, write, write_beside};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 fn scaled(size: f64) -> DAffine3 {
@@ -125,6 +125,32 @@ fn an_empty_grid_one_voxel_and_signed_zeros() {
     assert_eq!(back, one);
     assert!(back.values.iter().all(|v| v.is_sign_positive()));
     assert_eq!(VdbFile::open(&path).unwrap().grids()[0].active_voxels, 1);
+}
+
+#[test]
+fn grids_of_another_file_come_along_with_the_same_bytes_each_time() {
+    let dir = dir();
+    let [from, one, two] = ["from.vdb", "one.vdb", "two.vdb"].map(|name| dir.path().join(name));
+    let (heat, cloud) = (trimmed(&ball(skewed(), 4, -2)), trimmed(&ball(scaled(0.5), 3, 0)));
+    let own = [("artist".to_string(), Meta::Text("somebody".into()))];
+    let half = GridOut { half: true, metadata: &own, ..out("heat", &heat) };
+    write(&from, &[out("density", &cloud), half, out("source", &heat)], &[]).unwrap();
+    let others = || VdbFile::open(&from).unwrap().carried(|info| info.name != "density");
+    let (others, notes): (Carried, _) = others().beside(&["density", "source"], None);
+    assert!(notes.len() == 1 && notes[0].contains("\"source\""), "{notes:?}");
+    for path in [&one, &two] {
+        write_beside(path, &[out("density", &cloud)], &others, &[]).unwrap();
+    }
+    assert_eq!(fs::read(&one).unwrap(), fs::read(&two).unwrap());
+    let (before, after) = (VdbFile::open(&from).unwrap(), VdbFile::open(&one).unwrap());
+    assert_eq!(after.grids().iter().map(|info| info.name.as_str()).collect::<Vec<_>>(), ["density", "heat"]);
+    assert_eq!(after.grids()[1], before.grids()[1]);
+    assert_eq!(after.read_float("heat").unwrap(), before.read_float("heat").unwrap());
+    // Cut within what comes along: the sentence is about the file that it comes from.
+    let whole = fs::read(&from).unwrap();
+    fs::write(&from, &whole[..whole.len() / 2]).unwrap();
+    let error = write_beside(&two, &[], &others, &[]).unwrap_err();
+    assert!(matches!(&error, Error::File { file, .. } if *file == from) && error.to_string().contains("\"heat\""), "{error}");
 }
 
 #[test]

@@ -77,13 +77,18 @@ pub fn merge(
     Ok(fits.then(|| (ready, first.voxel_size())))
 }
 
+/// What turns the world until this axis is up; `None` where it is.
+pub fn turn(up: Up) -> Option<DAffine3> {
+    match up {
+        Up::Z => None,
+        // (x, y, z) -> (x, z, -y): what was up along z is up along y.
+        Up::Y => Some(DAffine3::from_mat3(DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y))),
+    }
+}
+
 /// The transform with this axis up.
 fn turned(world: DAffine3, up: Up) -> DAffine3 {
-    match up {
-        Up::Z => world,
-        // (x, y, z) -> (x, z, -y): what was up along z is up along y.
-        Up::Y => DAffine3::from_mat3(DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y)) * world,
-    }
+    turn(up).map_or(world, |turn| turn * world)
 }
 
 /// The regions' grids on the lattice of the first; `None` where one is no grid, or lies between its samples.

@@ -1,11 +1,11 @@
 //! The VDB that Blender opens: which grids, at which voxel size, with which metadata.
 
-use super::lattice::{Ready, merge};
+use super::lattice::{Ready, merge, turn};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::scene::{Region, Scene};
 pub use crate::vdb::limit_threads;
-use crate::vdb::{GridOut, Meta, write};
+use crate::vdb::{Carried, GridOut, Meta, write_beside};
 use crate::voxelise::{Up, voxel_size, voxelise};
 use serde::Serialize;
 use std::path::Path;
@@ -63,6 +63,8 @@ pub struct GridSummary {
 #[derive(Debug, Clone)]
 pub struct Voxels {
     grids: Vec<(GridName, Ready)>,
+    others: Carried,
+    up: Up,
     /// Extinction in 1/m of a sample of 1: Blender's Principled Volume Density.
     pub density_scale: f64,
     /// The shortest edge of a voxel, in metres.
@@ -91,7 +93,7 @@ impl Voxels {
         if kept.len() == options.grids.len() && !kept.is_empty() {
             let voxel_size = kept.iter().map(|(_, (_, edge))| *edge).fold(f64::INFINITY, f64::min);
             let grids = kept.into_iter().map(|(name, (ready, _))| (name, ready)).collect();
-            return Ok(Voxels { grids, density_scale, voxel_size, coarsened: false });
+            return Ok(Voxels { grids, others: Carried::default(), up: options.up, density_scale, voxel_size, coarsened: false });
         }
         let (mut size, mut coarsened) = (0.0f64, false);
         for &name in &options.grids {
@@ -103,13 +105,21 @@ impl Voxels {
         }
         let voxels = |name| voxelise(of(name), size, density_scale, options.up, progress).map(|grid| (name, Ready::Own(grid)));
         let grids = options.grids.iter().map(|&name| voxels(name)).collect::<Result<_>>()?;
-        Ok(Voxels { grids, density_scale, voxel_size: size, coarsened })
+        Ok(Voxels { grids, others: Carried::default(), up: options.up, density_scale, voxel_size: size, coarsened })
     }
 
-    /// Writes the grids with their metadata.
+    /// Takes grids of the input along, those of other names than the written ones; a sentence for each that stays behind.
+    pub fn take_along(&mut self, others: Carried) -> Vec<String> {
+        let names: Vec<&str> = self.grids.iter().map(|(name, _)| name.as_str()).collect();
+        let (others, notes) = others.beside(&names, turn(self.up));
+        self.others = others;
+        notes
+    }
+
+    /// Writes the grids with their metadata, and those that were taken along.
     ///
     /// # Errors
-    /// [`crate::Error::Write`], [`crate::Error::Vdb`].
+    /// [`crate::Error::Write`], [`crate::Error::Vdb`]; [`crate::Error::File`] of the input, where a grid taken along is damaged.
     pub fn write(&self, path: &Path, half: bool, metadata: &[(String, Meta)]) -> Result<()> {
         let scale = [
             ("density_scale".to_string(), Meta::Float(self.density_scale)),
@@ -117,7 +127,7 @@ impl Voxels {
         ];
         let grids: Vec<GridOut> =
             self.grids.iter().map(|(name, grid)| GridOut { name: name.as_str(), bricks: grid.bricks(), half, metadata: &scale }).collect();
-        write(path, &grids, metadata)
+        write_beside(path, &grids, &self.others, metadata)
     }
 
     /// What the grids hold.

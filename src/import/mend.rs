@@ -37,7 +37,7 @@ pub(super) fn mend(mesh: &Welded) -> Option<(Welded, Mended)> {
             triangles.push(cap);
         }
     }
-    (capped <= SLIGHTLY * whole).then(|| (Welded { points, triangles }, Mended { turned, caps: holes.len() }))
+    (capped <= SLIGHTLY * whole).then_some((Welded { points, triangles }, Mended { turned, caps: holes.len() }))
 }
 
 /// The triangles, turned so that neighbours cross their common edge in opposite directions, and how many were turned (the fewer of each

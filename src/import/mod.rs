@@ -43,6 +43,8 @@ use crate::{
 };
 use std::path::{Path, PathBuf};
 
+pub use vdb::others;
+
 /// What the user may ask of an import.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportOptions {

@@ -8,10 +8,12 @@ use super::{
 };
 use crate::{
     Error, Result,
+    scene::density::BRICK_VOXELS,
     scene::{BrickGrid, Medium, Region, Scene, Shape, Sun, VoxelGrid},
-    vdb::{GridInfo, Meta, VdbFile},
+    vdb::{Carried, FloatGrid, GridInfo, Meta, VdbFile},
 };
 use glam::DVec3;
+use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::{fmt::Write, io::Read, path::Path, sync::Arc};
 
@@ -24,8 +26,15 @@ const MOST_NODES: i64 = 1 << 24;
 /// Indices are 32-bit, and so are differences of them.
 const FARTHEST_INDEX: i64 = 1 << 30;
 
-/// Reads every float grid of the name asked for as a region.
+/// Reads every float grid of the name asked for as a region, and meanwhile the file's hash.
 pub(super) fn layout(path: &Path, options: &ImportOptions) -> Result<Layout> {
+    let (layout, source_hash) = rayon::join(|| regions(path, options), || hash(path));
+    let layout = layout?;
+    Ok(Layout { source_hash: source_hash?, ..layout })
+}
+
+/// The layout but for its hash.
+fn regions(path: &Path, options: &ImportOptions) -> Result<Layout> {
     if options.regions.is_some() || options.mesh_volumes {
         return Err(Error::Usage(format!(
             "{}: --regions and --mesh-volumes pick among meshes, and a .vdb has none; --grid NAME picks its grids",
@@ -33,8 +42,8 @@ pub(super) fn layout(path: &Path, options: &ImportOptions) -> Result<Layout> {
         )));
     }
     let file = VdbFile::open(path)?;
-    let name = options.grid.as_deref().unwrap_or(DENSITY);
-    let picked = |info: &GridInfo| info.name == name && info.value_type == "float";
+    let name = name(options);
+    let picked = |info: &GridInfo| is_picked(info, name);
     let many = file.grids().iter().filter(|info| picked(info)).count() > 1;
     let facts = Facts::of(file.metadata());
     let (mut scene, mut findings, mut notes) = (Scene::default(), Vec::new(), facts.remarks.clone());
@@ -69,7 +78,25 @@ pub(super) fn layout(path: &Path, options: &ImportOptions) -> Result<Layout> {
     }
     fill(&mut scene.regions, &open, &facts, options, &mut notes);
     scene.sun = sun(&facts, options, &mut findings, &mut notes);
-    Ok(Layout { scene, findings, notes, source_hash: hash(path)?, volumes: Vec::new() })
+    Ok(Layout { scene, findings, notes, source_hash: String::new(), volumes: Vec::new() })
+}
+
+/// The grids of a `.vdb` that are no regions, to be written beside what becomes of those.
+///
+/// # Errors
+/// [`Error::File`] where the file cannot be read, [`Error::Vdb`] where OpenVDB refuses it.
+pub fn others(path: &Path, options: &ImportOptions) -> Result<Carried> {
+    Ok(VdbFile::open(path)?.carried(|info| !is_picked(info, name(options))))
+}
+
+/// The name of the grids that are regions.
+fn name(options: &ImportOptions) -> &str {
+    options.grid.as_deref().unwrap_or(DENSITY)
+}
+
+/// Whether a grid is a region, or would be one if anything were in it.
+fn is_picked(info: &GridInfo, name: &str) -> bool {
+    info.name == name && info.value_type == "float"
 }
 
 /// The error of a file in which no grid of this name holds anything.
@@ -97,7 +124,7 @@ pub(super) fn voxels(path: &Path, file: &VdbFile, index: usize, info: &GridInfo,
             return Err(file_error(path, reason, "Give every axis a voxel size other than 0, and resample it"));
         }
     }
-    let (mut bricks, active) = file.read_active_at(index)?;
+    let FloatGrid { mut bricks, active, background } = file.read_whole_at(index)?;
     let Some([min, max]) = active.filter(|_| !bricks.origins.is_empty()) else { return Ok(None) };
     let sides: [i64; 3] = std::array::from_fn(|a| i64::from(max[a]) - i64::from(min[a]) + 1);
     if min.iter().chain(&max).any(|&i| i64::from(i).abs() > FARTHEST_INDEX) {
@@ -110,6 +137,9 @@ pub(super) fn voxels(path: &Path, file: &VdbFile, index: usize, info: &GridInfo,
             format!("the active voxels of grid {name:?} lie in a box of {x} x {y} x {z} voxels, which is too large to look through");
         return Err(file_error(path, reason, "Remove stray voxels far from the cloud, split the grid, or resample it coarser"));
     }
+    if background != 0.0 {
+        notes.push(format!("The background of grid {name:?} is {background} and not 0: only its active samples were read as cloud."));
+    }
     settle(path, name, &mut bricks, notes)?;
     let grid = VoxelGrid::new(bricks, min, max, false);
     Ok(Some(grid).filter(|grid| grid.integral() > 0.0))
@@ -117,16 +147,20 @@ pub(super) fn voxels(path: &Path, file: &VdbFile, index: usize, info: &GridInfo,
 
 /// Refuses samples that are not finite; takes negative ones as 0, and says how many there were.
 fn settle(path: &Path, name: &str, bricks: &mut BrickGrid, notes: &mut Vec<String>) -> Result<()> {
-    let (mut wild, mut negative, mut lowest) = (0u64, 0u64, 0.0f32);
-    for value in &mut bricks.values {
-        if !value.is_finite() {
-            wild += 1;
-        } else if *value < 0.0 {
-            negative += 1;
-            lowest = lowest.min(*value);
-            *value = 0.0;
+    let look = |(mut wild, mut negative, mut lowest): (u64, u64, f32), brick: &mut [f32]| {
+        for value in brick {
+            if !value.is_finite() {
+                wild += 1;
+            } else if *value < 0.0 {
+                negative += 1;
+                lowest = lowest.min(*value);
+                *value = 0.0;
+            }
         }
-    }
+        (wild, negative, lowest)
+    };
+    let both = |a: (u64, u64, f32), b: (u64, u64, f32)| (a.0 + b.0, a.1 + b.1, a.2.min(b.2));
+    let (wild, negative, lowest) = bricks.values.par_chunks_mut(BRICK_VOXELS).fold(|| (0, 0, 0.0), look).reduce(|| (0, 0, 0.0), both);
     if wild > 0 {
         let reason = format!("{wild} samples of grid {name:?} are not finite (NaN or infinite)");
         return Err(file_error(path, reason, "Mend them where the file was made (in Houdini: a VDB Clip or a Volume Wrangle)"));
@@ -238,7 +272,7 @@ fn triple(all: &[(String, Meta)], key: &str) -> Option<Option<[f64; 3]>> {
 pub(super) fn hash(path: &Path) -> Result<String> {
     let unreadable = |e: std::io::Error| file_error(path, e.to_string(), "Name a VDB file that can be read");
     let mut file = std::fs::File::open(path).map_err(unreadable)?;
-    let (mut hash, mut block) = (Sha256::new(), vec![0u8; 1 << 16]);
+    let (mut hash, mut block) = (Sha256::new(), vec![0u8; 1 << 18]);
     loop {
         match file.read(&mut block).map_err(unreadable)? {
             0 => break,

@@ -1,9 +1,9 @@
 //! A voxel grid as a shape: where it is, and how much it holds.
 
 use super::BrickGrid;
-use super::density::BRICK_VOXELS;
 use crate::geom::Bounds;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// A grid of densities as a region's shape. A sample times the region's medium is extinction: the medium is that of a
 /// sample of 1. Between samples density is trilinear; outside it is zero.
@@ -105,33 +105,40 @@ struct Column {
     breadth: f64,
 }
 
-/// The column with the largest integral, of each axis.
+impl Column {
+    /// The one with the larger integral, the first of equals.
+    fn deeper(self, other: Column) -> Column {
+        if other.depth > self.depth { other } else { self }
+    }
+}
+
+/// The column with the largest integral, of each axis: the same on any number of threads.
 fn columns(bricks: &BrickGrid) -> [Column; 3] {
-    let m = bricks.world_from_index.matrix3;
-    let steps = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
-    std::array::from_fn(|axis| {
-        // Bricks of one column stand together, once sorted by their other two coordinates.
-        let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
-        let mut order: Vec<u32> = (0..bricks.origins.len() as u32).collect();
-        order.sort_unstable_by_key(|&i| (bricks.origins[i as usize][a], bricks.origins[i as usize][b]));
-        let place = |i: u32| (bricks.origins[i as usize][a], bricks.origins[i as usize][b]);
-        let mut most = Column::default();
-        for group in order.chunk_by(|&i, &j| place(i) == place(j)) {
-            let mut sums = [(0.0f64, 0.0f64); 64];
-            for &brick in group {
-                for (voxel, &value) in bricks.brick(brick as usize).iter().enumerate().take(BRICK_VOXELS) {
-                    let local = [voxel >> 6, voxel >> 3 & 7, voxel & 7];
-                    let (sum, squares) = &mut sums[local[a] * 8 + local[b]];
-                    *sum += f64::from(value);
-                    *squares += f64::from(value).powi(2);
-                }
-            }
-            for (sum, squares) in sums {
-                if steps[axis] * sum > most.depth {
-                    most = Column { depth: steps[axis] * sum, breadth: steps[axis] * sum * sum / squares };
+    [thickest::<0>(bricks), thickest::<1>(bricks), thickest::<2>(bricks)]
+}
+
+fn thickest<const AXIS: usize>(bricks: &BrickGrid) -> Column {
+    let step = bricks.world_from_index.matrix3.col(AXIS).length();
+    // Bricks of one column stand together, once sorted by their other two coordinates; their own order decides in which they are summed.
+    let (a, b) = ((AXIS + 1) % 3, (AXIS + 2) % 3);
+    let place = |i: u32| (bricks.origins[i as usize][a], bricks.origins[i as usize][b]);
+    let mut order: Vec<u32> = (0..bricks.origins.len() as u32).collect();
+    order.par_sort_by_key(|&i| place(i));
+    let best = |group: &[u32]| {
+        let (mut sums, mut squares) = ([0.0f64; 64], [0.0f64; 64]);
+        for &brick in group {
+            let samples = bricks.brick(brick as usize);
+            for (x, y) in (0..8usize).flat_map(|x| (0..8usize).map(move |y| (x, y))) {
+                for (z, &value) in samples[x * 64 + y * 8..x * 64 + y * 8 + 8].iter().enumerate() {
+                    let (value, local) = (f64::from(value), [x, y, z]);
+                    sums[local[a] * 8 + local[b]] += value;
+                    squares[local[a] * 8 + local[b]] += value * value;
                 }
             }
         }
-        most
-    })
+        let column = |(sum, squares): (f64, f64)| Column { depth: step * sum, breadth: step * sum * sum / squares };
+        sums.into_iter().zip(squares).map(column).fold(Column::default(), Column::deeper)
+    };
+    let groups: Vec<Column> = order.par_chunk_by(|&i, &j| place(i) == place(j)).map(best).collect();
+    groups.into_iter().fold(Column::default(), Column::deeper)
 }

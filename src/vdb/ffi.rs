@@ -6,7 +6,7 @@ pub use bridge::*;
 #[cxx::bridge(namespace = "cloudvdb")]
 mod bridge {
     /// What a value of metadata is.
-    #[derive(Debug)]
+    #[derive(Debug, Clone)]
     enum MetaKind {
         Text,
         Int,
@@ -14,7 +14,7 @@ mod bridge {
     }
 
     /// One named value of metadata; `kind` says which of the three fields counts.
-    #[derive(Debug)]
+    #[derive(Debug, Clone)]
     struct MetaEntry {
         key: String,
         kind: MetaKind,
@@ -24,7 +24,7 @@ mod bridge {
     }
 
     /// A grid of a file, as its descriptor, metadata and transform say.
-    #[derive(Debug)]
+    #[derive(Debug, Clone)]
     struct GridEntry {
         unique_name: String,
         type_name: String,
@@ -33,10 +33,14 @@ mod bridge {
         /// Columns of the affine matrix: three of the linear part, then the translation.
         matrix: [f64; 12],
         metadata: Vec<MetaEntry>,
-        /// Where the tree begins, or -1 if an instance refers to a grid that is not there.
+        /// Where the metadata begins.
+        metadata_at: i64,
+        /// Where the tree begins, or -1 if the transform before it cannot be read, or an instance refers to a grid that is not there.
         tree_at: i64,
         tree_half: bool,
         compression: u32,
+        /// Whether the tree has the usual shape, and values of a fixed size.
+        checkable: bool,
     }
 
     /// What a file holds.
@@ -62,6 +66,9 @@ mod bridge {
             values: &[f32],
             metadata: &[MetaEntry],
         ) -> Result<()>;
+        /// Adds a grid of a file as it is; its transform is followed by `turn` (columns, as [`GridEntry::matrix`]) where that is not
+        /// empty.
+        fn carry(self: Pin<&mut Draft>, path: &[u8], grid: &GridEntry, turn: &[f64]) -> Result<()>;
         /// Returns 0, or the errno of the write that failed.
         fn save(self: &Draft, path: &[u8], metadata: &[MetaEntry]) -> Result<i32>;
 
@@ -75,6 +82,8 @@ mod bridge {
         fn count(self: &Bricks) -> usize;
         /// The smallest and the largest index of active voxels, zeros included; nothing where none is active.
         fn active(self: &Bricks) -> Vec<i32>;
+        /// What the grid holds where it holds nothing.
+        fn background(self: &Bricks) -> f32;
         /// Copies the bricks from `first` on, as many as there is room for, and frees their samples here: each can be taken once.
         fn take(self: Pin<&mut Bricks>, first: usize, origins: &mut [i32], values: &mut [f32]) -> Result<()>;
     }

@@ -4,6 +4,7 @@
 //! What is read may come from anywhere: sizes in a file are checked before memory is taken or written for them,
 //! and a file that is cut short or damaged is an error.
 
+mod carry;
 mod ffi;
 mod mesh;
 
@@ -17,6 +18,7 @@ use sha2::{Digest, Sha256};
 use crate::error::{Error, Result};
 use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS, BrickGrid};
 
+pub use carry::Carried;
 pub use mesh::mesh_distance;
 
 /// The most voxels that a grid may expand to when it is read (8 GiB of samples).
@@ -50,6 +52,17 @@ pub struct GridOut<'a> {
     pub metadata: &'a [(String, Meta)],
 }
 
+/// A float grid that was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FloatGrid {
+    /// Its active samples, and 0 where none is active.
+    pub bricks: BrickGrid,
+    /// The smallest and the largest index of the active voxels, active zeros included; `None` where no voxel is active.
+    pub active: Option<[[i32; 3]; 2]>,
+    /// The value that the file gives to all space without a voxel or a tile.
+    pub background: f32,
+}
+
 /// What a file says about one of its grids.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GridInfo {
@@ -78,6 +91,14 @@ pub struct GridInfo {
 /// not finite or too large for half floats, bricks that are not sorted, a transform that squashes space, keys that are
 /// OpenVDB's own. [`Error::Vdb`] when OpenVDB refuses.
 pub fn write(path: &Path, grids: &[GridOut], metadata: &[(String, Meta)]) -> Result<()> {
+    write_beside(path, grids, &Carried::default(), metadata)
+}
+
+/// As [`write()`], with grids of another file behind.
+///
+/// # Errors
+/// As [`write()`]; and [`Error::File`] of the other file, where a grid of it is damaged.
+pub fn write_beside(path: &Path, grids: &[GridOut], others: &Carried, metadata: &[(String, Meta)]) -> Result<()> {
     let vdb = |error: cxx::Exception| Error::Vdb { file: path.into(), message: error.what().into() };
     let mut draft = ffi::new_draft().map_err(vdb)?;
     for grid in grids {
@@ -90,6 +111,7 @@ pub fn write(path: &Path, grids: &[GridOut], metadata: &[(String, Meta)]) -> Res
         let origins = grid.bricks.origins.as_flattened();
         draft.pin_mut().add(grid.name, grid.half, &matrix, origins, &grid.bricks.values, &entries(grid.metadata)).map_err(vdb)?;
     }
+    others.add(&mut draft)?;
     match draft.save(path.as_os_str().as_encoded_bytes(), &entries(metadata)).map_err(vdb)? {
         0 => stamp(path).map_err(|e| unwritable(path, &e)),
         code => Err(unwritable(path, &std::io::Error::from_raw_os_error(code))),
@@ -256,15 +278,15 @@ impl VdbFile {
     /// # Errors
     /// As [`VdbFile::read_float`].
     pub fn read_float_at(&self, index: usize) -> Result<BrickGrid> {
-        self.read_active_at(index).map(|(bricks, _)| bricks)
+        self.read_whole_at(index).map(|grid| grid.bricks)
     }
 
-    /// As [`VdbFile::read_float_at`], with the smallest and the largest index of the active voxels, active zeros included; `None`
-    /// where no voxel is active. The tree is gone when this returns, and never held whole beside the bricks.
+    /// As [`VdbFile::read_float_at`], with what the samples do not say. The tree is gone when this returns, and never held whole
+    /// beside the bricks.
     ///
     /// # Errors
     /// As [`VdbFile::read_float`].
-    pub fn read_active_at(&self, index: usize) -> Result<(BrickGrid, Option<[[i32; 3]; 2]>)> {
+    pub fn read_whole_at(&self, index: usize) -> Result<FloatGrid> {
         let Some((info, entry)) = self.grids.get(index).zip(self.entries.get(index)) else {
             return Err(self.refused(format!("there is no grid {index}, only {}", self.grids.len()), "Name a grid with --grid"));
         };
@@ -283,11 +305,13 @@ impl VdbFile {
             [x0, y0, z0, x1, y1, z1] => Some([[x0, y0, z0], [x1, y1, z1]]),
             _ => None,
         };
-        let count = bricks.count();
-        let Some((origins, values)) = drain(bricks).map_err(vdb)? else {
+        let (count, background) = (bricks.count(), bricks.background());
+        let Some(mut drained) = drain(bricks).map_err(vdb)? else {
             return Err(self.refused(format!("{count} bricks of the grid \"{}\" do not fit into memory", info.name), "Resample it coarser"));
         };
-        Ok((BrickGrid { world_from_index, origins, values }, active))
+        trim(&mut drained);
+        let (origins, values) = drained;
+        Ok(FloatGrid { bricks: BrickGrid { world_from_index, origins, values }, active, background })
     }
 
     fn refused(&self, reason: String, fix: &str) -> Error {
@@ -311,6 +335,21 @@ fn drain(mut bricks: cxx::UniquePtr<ffi::Bricks>) -> std::result::Result<Option<
         bricks.pin_mut().take(i * TAKEN, origins.as_flattened_mut(), &mut values[first..])?;
     }
     Ok(Some((origins, values)))
+}
+
+/// Drops bricks without a sample other than 0.
+fn trim((origins, values): &mut Drained) {
+    let full = |brick: &[f32]| brick.iter().any(|&v| v != 0.0);
+    let kept: Vec<usize> = values.chunks(BRICK_VOXELS).enumerate().filter(|(_, brick)| full(brick)).map(|(i, _)| i).collect();
+    if kept.len() == origins.len() {
+        return;
+    }
+    for (to, &from) in kept.iter().enumerate() {
+        origins[to] = origins[from];
+        values.copy_within(from * BRICK_VOXELS..(from + 1) * BRICK_VOXELS, to * BRICK_VOXELS);
+    }
+    origins.truncate(kept.len());
+    values.truncate(kept.len() * BRICK_VOXELS);
 }
 
 /// What the descriptor and the metadata of a grid say.

@@ -26,7 +26,7 @@ READ = {
     "negative": ("a.fill((0, 0, 0), (3, 3, 3), 1.0); a.fill((0, 0, 0), (0, 0, 1), -0.5)", 62.0, 62, "2 samples"),
     "inactive": ("a.fill((0, 0, 0), (3, 3, 3), 1.0); a.fill((0, 0, 2), (3, 3, 2), 7.0, False)", 48.0, 48, ""),
     # What is not active is no part of the cloud, also where it is not 0: renderers see what is active.
-    "background": ("a = grid(background=3.0); a.fill((0, 0, 0), (3, 3, 3), 1.0)", 64.0, 64, ""),
+    "background": ("a = grid(background=3.0); a.fill((0, 0, 0), (3, 3, 3), 1.0)", 64.0, 64, "is 3 and not 0"),
     "half": ("a.saveFloatAsHalf = True; a.fill((0, 0, 0), (3, 3, 3), 0.1)", 64 * float("0.0999755859375"), 64, ""),
 }
 
@@ -58,6 +58,7 @@ def test_read(cloudvdb, tmp_path, kind):
     written = vdbinfo.read(tmp_path / "out.vdb")["grids"]["density"]
     assert (written["sum"], written["active"]) == (pytest.approx(total, rel=1e-6), active)
     assert written["background"] == 0 and any(note in text for text in [*report.notes, ""])
+    assert kind == "background" or not any("background" in text for text in report.notes)
 
 
 @pytest.mark.parametrize("kind", REFUSED)
