@@ -1,4 +1,7 @@
 // Reading the samples of leaves without OpenVDB's own loop, which is serial and takes memory for each.
+#include <openvdb/io/Archive.h>
+#include <openvdb/openvdb.h>
+
 #include "cloudvdb/cpp/chunks.h"
 
 #include <algorithm>

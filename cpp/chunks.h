@@ -1,7 +1,6 @@
 // Where the samples of a float grid's leaves are in their file: read one by one, and on several threads.
+// Names OpenVDB's types and includes none of its headers: whoever includes this has included openvdb/io/Archive.h before.
 #pragma once
-
-#include <openvdb/openvdb.h>
 
 #include "cloudvdb/cpp/vdb_container.h"
 

@@ -1,7 +1,6 @@
 // The inside of `Draft`: grids that wait to be written.
+// Names OpenVDB's types and includes none of its headers: whoever includes this has included openvdb/openvdb.h before.
 #pragma once
-
-#include <openvdb/openvdb.h>
 
 #include "cloudvdb/cpp/vdb_bridge.h"
 

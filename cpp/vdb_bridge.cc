@@ -1,9 +1,10 @@
 // Writing: bricks of samples become trees, trees become a file.
+#include <openvdb/io/Archive.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/Prune.h>
+
 #include "cloudvdb/cpp/draft.h"
 #include "cloudvdb/src/vdb/ffi.rs.h"
-
-#include <openvdb/io/Archive.h>
-#include <openvdb/tools/Prune.h>
 
 #include <cerrno>
 #include <cstring>

@@ -1,8 +1,10 @@
 // Grids that are written as they were read.
+#include <openvdb/io/Archive.h>
+#include <openvdb/math/Maps.h>
+#include <openvdb/openvdb.h>
+
 #include "cloudvdb/cpp/draft.h"
 #include "cloudvdb/cpp/vdb_container.h"
-
-#include <openvdb/math/Maps.h>
 
 #include <memory>
 #include <stdexcept>

@@ -1,4 +1,7 @@
 // The parts that every reader of VDB files needs.
+#include <openvdb/io/Archive.h>
+#include <openvdb/openvdb.h>
+
 #include "cloudvdb/cpp/vdb_container.h"
 
 #include <algorithm>

@@ -1,9 +1,7 @@
 // What is common to all that reads VDB files: the container (header, metadata, transforms) parsed with every size checked
 // against the file, and trees, which are OpenVDB's, read through a stream that throws where OpenVDB would not notice.
+// Names OpenVDB's types and includes none of its headers: whoever includes this has included openvdb/io/Archive.h before.
 #pragma once
-
-#include <openvdb/io/Archive.h>
-#include <openvdb/openvdb.h>
 
 #include "cloudvdb/cpp/guarded_stream.h"
 #include "cloudvdb/cpp/vdb_bridge.h"

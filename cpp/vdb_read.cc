@@ -1,8 +1,10 @@
 // Reading: what a file holds, and the bricks of its float grids.
-#include "cloudvdb/cpp/vdb_container.h"
+#include <openvdb/io/Archive.h>
+#include <openvdb/openvdb.h>
 
 #include "cloudvdb/cpp/bricks.h"
 #include "cloudvdb/cpp/chunks.h"
+#include "cloudvdb/cpp/vdb_container.h"
 
 #include <algorithm>
 #include <map>

@@ -120,24 +120,29 @@ fn columns(bricks: &BrickGrid) -> [Column; 3] {
 fn thickest<const AXIS: usize>(bricks: &BrickGrid) -> Column {
     let step = bricks.world_from_index.matrix3.col(AXIS).length();
     // Bricks of one column stand together, once sorted by their other two coordinates; their own order decides in which they are summed.
-    let (a, b) = ((AXIS + 1) % 3, (AXIS + 2) % 3);
-    let place = |i: u32| (bricks.origins[i as usize][a], bricks.origins[i as usize][b]);
+    let place = |i: u32| (bricks.origins[i as usize][(AXIS + 1) % 3], bricks.origins[i as usize][(AXIS + 2) % 3]);
     let mut order: Vec<u32> = (0..bricks.origins.len() as u32).collect();
     order.par_sort_by_key(|&i| place(i));
     let best = |group: &[u32]| {
-        let (mut sums, mut squares) = ([0.0f64; 64], [0.0f64; 64]);
+        // Eight sums at a time, of samples that follow each other along z: columns side by side, or parts of one along z itself.
+        let (mut sums, mut squares) = ([[0.0f64; 8]; 64], [[0.0f64; 8]; 64]);
         for &brick in group {
-            let samples = bricks.brick(brick as usize);
-            for (x, y) in (0..8usize).flat_map(|x| (0..8usize).map(move |y| (x, y))) {
-                for (z, &value) in samples[x * 64 + y * 8..x * 64 + y * 8 + 8].iter().enumerate() {
-                    let (value, local) = (f64::from(value), [x, y, z]);
-                    sums[local[a] * 8 + local[b]] += value;
-                    squares[local[a] * 8 + local[b]] += value * value;
+            for (row, samples) in bricks.brick(brick as usize).chunks_exact(8).enumerate() {
+                let to = [row & 7, row >> 3, row][AXIS];
+                for ((sum, square), &value) in sums[to].iter_mut().zip(&mut squares[to]).zip(samples) {
+                    *sum += f64::from(value);
+                    *square += f64::from(value) * f64::from(value);
                 }
             }
         }
         let column = |(sum, squares): (f64, f64)| Column { depth: step * sum, breadth: step * sum * sum / squares };
-        sums.into_iter().zip(squares).map(column).fold(Column::default(), Column::deeper)
+        let each = sums.iter().zip(&squares);
+        if AXIS == 2 {
+            let whole = |(sums, squares): (&[f64; 8], &[f64; 8])| column((sums.iter().sum(), squares.iter().sum()));
+            return each.map(whole).fold(Column::default(), Column::deeper);
+        }
+        let beside = each.take(8).flat_map(|(sums, squares)| sums.iter().copied().zip(squares.iter().copied()));
+        beside.map(column).fold(Column::default(), Column::deeper)
     };
     let groups: Vec<Column> = order.par_chunk_by(|&i, &j| place(i) == place(j)).map(best).collect();
     groups.into_iter().fold(Column::default(), Column::deeper)
