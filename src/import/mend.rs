@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn turned_faces_are_turned_back_and_small_holes_capped() {
-        for (missing, turned, caps) in [(0, 3, 0), (1, 0, 1), (2, 5, 1), (3, 1, 1)] {
+        for (missing, turned, caps) in [(0, 3, 0), (1, 0, 1), (2, 5, 1), (4, 1, 1)] {
             let (whole, mended) = mend(&cube(missing, turned)).unwrap();
             assert_eq!((mended, whole.open_edges()), (Mended { turned, caps }, 0));
             // Each triangle has an area of half a unit; its cap lies in the same plane, or cuts a corner.
@@ -177,6 +177,8 @@ mod tests {
     #[test]
     fn large_holes_and_fans_are_not_mended() {
         assert!(mend(&cube(8, 0)).is_none());
+        // Two holes that touch at a corner.
+        assert!(mend(&cube(3, 0)).is_none());
         let mut fan = cube(0, 0);
         let [a, b, _] = fan.triangles[0];
         fan.points.push(DVec3::splat(3.0));

@@ -80,9 +80,14 @@ const LEAN: f64 = 1e-6;
 
 fn repeat(region: &mut Region) -> Result<()> {
     let refused = |reason: String, fix: &str| Err(Error::Scene { reason, fix: fix.into() });
-    let Shape::Grid(grid) = &mut region.shape else {
-        let reason = format!("--periodic xy repeats voxel grids only for now, and region {:?} is none", region.name);
-        return refused(reason, "Name a .vdb, or leave --periodic away (a slab goes on without end as it is)");
+    let grid = match &mut region.shape {
+        // It goes on without end as it is.
+        Shape::Slab { .. } => return Ok(()),
+        Shape::Grid(grid) => grid,
+        Shape::Ellipsoid { .. } | Shape::Mesh(_) => {
+            let reason = format!("--periodic xy repeats voxel grids, and region {:?} is none", region.name);
+            return refused(reason, "Read it from a layout, whose regions become one grid");
+        }
     };
     let [x, y, z] = {
         let m = grid.bricks.world_from_index.matrix3;
@@ -155,6 +160,6 @@ mod tests {
             assert_eq!(scene.regions[0].shape.is_endless(), fine);
         }
         let refused = periodic.apply(&mut of(Shape::sphere(DVec3::ZERO, 1.0), medium)).unwrap_err();
-        assert!(refused.to_string().contains("voxel grids only"));
+        assert!(refused.to_string().contains("repeats voxel grids"));
     }
 }

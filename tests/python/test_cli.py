@@ -295,7 +295,7 @@ def test_what_a_vdb_cannot_do(cloudvdb, cloud, layout, tmp_path):
     ]:
         cloudvdb.refuse(*arguments, code=2, says=says, folder=tmp_path)
     cloudvdb.refuse(cloud, "-o", tmp_path / "out.vdb", "--grid", "smoke", says=["cloud.vdb", "smoke", "density"], folder=tmp_path)
-    cloudvdb.refuse(layout, "-o", tmp_path / "out.vdb", "--periodic", "xy", says=["--periodic", "grid"], folder=tmp_path)
+    cloudvdb.refuse(layout, "-o", tmp_path / "out.glb", "--periodic", "xy", code=2, says=["out.glb", ".vdb"], folder=tmp_path)
     text(tmp_path / "words.vdb", "hello, this is no VDB")
     for words in ("words.vdb", "nowhere.vdb"):
         for command in ((), ("plan",), ("flux",)):
