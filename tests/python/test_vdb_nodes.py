@@ -82,8 +82,7 @@ def test_it_is_where_blender_shows_it(cloudvdb, smoke, tmp_path):
 
 
 def test_what_it_cannot_do_is_refused(cloudvdb, smoke, tmp_path):
-    says = ["layout.glb", "Smoke", "--density source"]
-    cloudvdb.refuse(smoke[1], "-o", tmp_path / "out.exr", says=says, code=2, folder=tmp_path)
+    cloudvdb.refuse(smoke[1], "-o", tmp_path / "out.glb", says=["glTF", "Smoke"], code=2, folder=tmp_path)
     cloudvdb.refuse(smoke[1], "--density", "source", "-o", tmp_path / "out.glb", says=["glTF", "Smoke"], code=2, folder=tmp_path)
     cloudvdb.refuse(smoke[1], "--density", "source", "--periodic", "xy", "-o", tmp_path / "out.exr", says=["Smoke", "horizontal"], folder=tmp_path)
     over = smoke[0].read_bytes()
