@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-pub use cover::Cover;
+pub use cover::{Cover, add, overlap};
 pub use size::{fitting, voxel_size};
 
 /// A brick's smallest index and its samples.

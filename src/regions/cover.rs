@@ -5,6 +5,7 @@
 
 use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS};
 use crate::scene::{BrickGrid, Shape};
+use crate::voxelise::{add, overlap};
 use glam::{DAffine3, DMat3, DVec3, IVec3};
 use std::f64::consts::PI;
 
@@ -148,21 +149,5 @@ impl LatticeBall {
             }
         }
         Cover::Part
-    }
-}
-
-/// How much of [from, from + 1] lies in [low, high].
-fn overlap(from: f64, low: f64, high: f64) -> f64 {
-    ((from + 1.0).min(high) - from.max(low)).max(0.0)
-}
-
-/// Adds `weight` times the overlap of [from, to] with each of the 8 voxels of a column that starts at 0.
-fn add(column: &mut [f64], weight: f64, from: f64, to: f64) {
-    let (from, to) = (from.max(0.0), to.min(8.0));
-    if from < to {
-        let (first, last) = (from as usize, (to.ceil() as usize - 1).min(7));
-        for (z, share) in column.iter_mut().enumerate().take(last + 1).skip(first) {
-            *share += weight * overlap(z as f64, from, to);
-        }
     }
 }

@@ -191,12 +191,12 @@ fn vertical(to_unit: &DAffine3, p: DVec3) -> Option<(f64, f64)> {
 }
 
 /// How much of [from, from + 1] lies in [low, high].
-fn overlap(from: f64, low: f64, high: f64) -> f64 {
+pub fn overlap(from: f64, low: f64, high: f64) -> f64 {
     ((from + 1.0).min(high) - from.max(low)).max(0.0)
 }
 
 /// Adds `weight` times the overlap of [from, to] with each of the 8 voxels of a column that starts at 0.
-fn add(column: &mut [f64], weight: f64, from: f64, to: f64) {
+pub fn add(column: &mut [f64], weight: f64, from: f64, to: f64) {
     let (from, to) = (from.max(0.0), to.min(8.0));
     if from >= to {
         return;
