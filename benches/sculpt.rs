@@ -36,13 +36,13 @@ fn voxels(sculpture: &Sculpture, size: f64) -> (VoxelGrid, f64) {
 fn peak() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find(|l| l.starts_with("VmHWM")).unwrap_or_default();
-    line.split_whitespace().nth(1).and_then(|kb| kb.parse::<f64>().ok()).unwrap_or(f64::NAN) / 1021.0
+    line.split_whitespace().nth(1).and_then(|kb| kb.parse::<f64>().ok()).unwrap_or(f64::NAN) / 1024.0
 }
 
 fn main() {
     eprintln!("{:>8} {:>8} {:>12} {:>8} {:>8} {:>16} {:>8}", "balls", "box", "active", "share", "s", "us a voxel", "MB");
     // The same balls in boxes of eight times the volume, and an eighth of the balls in the first box.
-    for (count, side, cells) in [(1000usize, 21.0, 512.0), (1000, 42.0, 1021.0), (125, 21.0, 512.0), (1000, 21.0, 256.0)] {
+    for (count, side, cells) in [(1000usize, 21.0, 512.0), (1000, 42.0, 1024.0), (125, 21.0, 512.0), (1000, 21.0, 256.0)] {
         let sculpture = family(count, side);
         let mut runs: Vec<(f64, u64)> = (0..3)
             .map(|_| {

@@ -9,10 +9,11 @@ use crate::progress::Progress;
 use crate::scene::density::BRICK_VOXELS;
 use crate::scene::{BrickGrid, Mesh, Shape, VoxelGrid};
 use crate::voxelise::{Lattice, fitting};
-use detail::Moved;
-pub use detail::{Detail, DetailRequest, Genus, MOST_OCTAVES, MOST_STRENGTH};
+pub use detail::{Detail, DetailRequest, MOST_OCTAVES, MOST_STRENGTH};
+pub use genus::Genus;
 use glam::{DVec3, IVec3};
 pub use metaballs::{Element, ElementKind, Metaballs, visible_radius};
+use noise::{Moved, Noise};
 use part::{Compiled, Piece, Setting};
 use std::sync::Arc;
 
@@ -114,7 +115,7 @@ const SIDE: f64 = 128.0;
 impl Sculpture {
     /// Where its density can be above 0.
     pub fn bounds(&self) -> Bounds {
-        let reach = self.detail.map_or(0.0, |d| d.noise(None).reach());
+        let reach = self.detail.map_or(0.0, |d| Noise::new(&d, None).reach());
         let bounds = self.parts.iter().fold(Bounds::EMPTY, |b, p| {
             let own = p.solid.bounds();
             // A field ends at the radius, whatever moves its surface.
@@ -154,7 +155,7 @@ impl Sculpture {
 
     /// The voxels of a size in the boxes of all parts, a family's elements each by itself; at most those of the whole box.
     fn pieces(&self, size: f64) -> f64 {
-        let reach = 2.0 * self.detail.map_or(0.0, |d| d.noise(None).reach());
+        let reach = 2.0 * self.detail.map_or(0.0, |d| Noise::new(&d, None).reach());
         let voxels = |b: Bounds| ((b.size() + reach) / size + 1.0).element_product();
         let part = |p: &Part| match &p.solid {
             Solid::Metaballs(family) => family.elements.iter().map(|e| voxels(e.bounds())).sum(),
@@ -177,7 +178,7 @@ impl Sculpture {
                 (Lattice { anchor: tile.min.with_z(bounds.min.z), step }, Some(count.as_ivec3()))
             }
         };
-        let noise = self.detail.map(|d| d.noise(self.tile));
+        let noise = self.detail.map(|d| Noise::new(&d, self.tile));
         let base = noise.as_ref().map_or(f64::NEG_INFINITY, |n| self.bottom() + n.base());
         let setting = Setting { lattice, noise: noise.as_ref(), base, endless: tile.is_some() };
         let parts = self.parts.iter().map(|part| Compiled::new(part, &setting, distances)).collect::<Result<Vec<_>>>()?;
@@ -195,7 +196,8 @@ impl Sculpture {
                 part.pieces(number, shift, &lattice, |piece, voxels| {
                     let (item, voxels) = (pieces.len() as u32, within(voxels));
                     if !voxels.is_empty() {
-                        lattice.bricks(voxels, |_| true, |origin| touched.push((origin, item)));
+                        let meets = |origin| part.meets(&piece, &lattice, origin);
+                        lattice.bricks(voxels, meets, |origin| touched.push((origin, item)));
                         pieces.push(piece);
                     }
                 });
@@ -280,7 +282,9 @@ fn surface(bricks: &BrickGrid) -> u32 {
 }
 
 mod detail;
+mod genus;
 mod metaballs;
+mod noise;
 mod part;
 #[cfg(test)]
 mod tests;

@@ -77,24 +77,36 @@ fn layered() -> Arc<VoxelGrid> {
     grid([16, 12, 36], DVec3::new(0.1, 0.15, 0.05), true, |[_, _, z]| level(z) / (sum * 0.05))
 }
 
-#[test]
-fn layers_reflect_and_transmit_what_discrete_ordinates_say() {
+/// `times`: as many photons as a thousandth of the light needs.
+fn layers(times: f64) {
+    let (photons, slack) = ((300_000.0 * times) as u64, 1e-3 / times.sqrt());
     let slab = || Shape::Slab { centre: DVec3::ZERO, half_height: 0.5, half_extent: DVec2::ONE };
     let layered = layered();
     for (i, (g, albedo, tau, r, t)) in LAYERS.into_iter().enumerate() {
         let medium = Medium::with_albedo(tau, albedo, g);
         for (name, shape) in [("slab", slab()), ("grid", Shape::Grid(Arc::clone(&layered)))] {
-            let f = balance(&overhead(vec![region(shape, medium)]), 3_000_000, 10 + i as u64);
+            let f = balance(&overhead(vec![region(shape, medium)]), photons, 10 + i as u64);
             let of = |what: &str| format!("{name} g {g} albedo {albedo} tau {tau}: {what}");
-            close(&of("reflected"), f.up, r, 3e-4);
-            close(&of("direct"), f.down_direct, (-tau).exp(), 3e-4);
+            close(&of("reflected"), f.up, r, slack);
+            close(&of("direct"), f.down_direct, (-tau).exp(), slack);
             if t.is_finite() {
                 let through = Estimate { value: f.down_direct.value + f.down_diffuse.value, se: f.down_direct.se.hypot(f.down_diffuse.se) };
                 // The truth took an albedo of 1 as 1 - 1e-6.
-                close(&of("transmitted"), through, if albedo == 1.0 { 1.0 - r } else { t }, 5e-4);
+                close(&of("transmitted"), through, if albedo == 1.0 { 1.0 - r } else { t }, 1.6 * slack);
             }
         }
     }
+}
+
+#[test]
+fn layers_reflect_and_transmit_what_discrete_ordinates_say() {
+    layers(2.0);
+}
+
+#[test]
+#[ignore = "takes a minute: make crosscheck"]
+fn layers_reflect_and_transmit_what_discrete_ordinates_say_closely() {
+    layers(10.0);
 }
 
 #[test]
@@ -126,8 +138,8 @@ fn spheres(photons: impl Fn(f64, f64) -> u64, most: impl Fn(f64) -> f64) {
 
 #[test]
 fn paths_through_a_white_sphere_are_four_thirds_of_its_radius_long() {
-    // Photons that diffuse far are few and long: at optical radius 100 a quick look resolves two percent.
-    spheres(|tau, _| if tau > 50.0 { 100_000 } else { 500_000 }, |tau| if tau > 50.0 { 0.025 } else { 0.004 });
+    // Photons that diffuse far are few and long: at optical radius 100 a quick look resolves four percent.
+    spheres(|tau, _| if tau > 50.0 { 30_000 } else { 300_000 }, |tau| if tau > 50.0 { 0.045 } else { 0.005 });
 }
 
 #[test]

@@ -28,14 +28,14 @@ pub enum ElementKind {
 /// One element of a family.
 #[derive(Debug, Clone)]
 pub struct Element {
-    kind: ElementKind,
-    element_from_world: DAffine3,
-    radius: f64,
+    /// To where its radius is 1.
+    unit_from_world: DAffine3,
+    /// Half of what its centre is spread to there, along each axis.
+    spread: DVec3,
     /// The radius in the world, m: that of the ball of equal volume, where the element is scaled unevenly.
     world_radius: f64,
     /// Below 0 where it is negative.
     stiffness: f64,
-    size: DVec3,
     bounds: Bounds,
 }
 
@@ -44,44 +44,46 @@ impl Element {
     /// negative), and its half lengths along its axes (an ellipsoid's are factors of the radius). `world_from_element` is not singular,
     /// the radius and an ellipsoid's sizes are above 0.
     pub fn new(kind: ElementKind, world_from_element: DAffine3, radius: f64, stiffness: f64, size: DVec3) -> Self {
-        let half = match kind {
-            ElementKind::Ball => DVec3::splat(radius),
-            ElementKind::Capsule => DVec3::new(radius + size.x, radius, radius),
-            ElementKind::Plane => DVec3::new(radius + size.x, radius + size.y, radius),
-            ElementKind::Cube => size + radius,
-            ElementKind::Ellipsoid => size * radius,
+        let (spread, stretched) = match kind {
+            ElementKind::Ball => (DVec3::ZERO, DVec3::ONE),
+            ElementKind::Capsule => (DVec3::X * size, DVec3::ONE),
+            ElementKind::Plane => (size.with_z(0.0), DVec3::ONE),
+            ElementKind::Cube => (size, DVec3::ONE),
+            ElementKind::Ellipsoid => (DVec3::ZERO, size),
         };
+        let world_from_unit = world_from_element * DAffine3::from_scale(radius * stretched);
+        let spread = spread / radius;
         let corner = |i: usize| {
             let sign = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
-            world_from_element.transform_point3(half * DVec3::new(sign(0), sign(1), sign(2)))
+            world_from_unit.transform_point3((spread + 1.0) * DVec3::new(sign(0), sign(1), sign(2)))
         };
-        let stretch = world_from_element.matrix3.determinant().abs().cbrt();
-        let mean = if kind == ElementKind::Ellipsoid { size.element_product().abs().cbrt() } else { 1.0 };
         Element {
-            kind,
-            element_from_world: world_from_element.inverse(),
-            radius,
-            world_radius: radius * stretch * mean,
+            unit_from_world: world_from_unit.inverse(),
+            spread,
+            world_radius: world_from_unit.matrix3.determinant().abs().cbrt(),
             stiffness: stiffness.clamp(-STIFFEST, STIFFEST),
-            size,
             bounds: (0..8).fold(Bounds::EMPTY, |b, i| b.include(corner(i))),
         }
     }
 
+    /// 1 - r^2 at a point of the unit space: above 0 inside.
+    fn inside(&self, q: DVec3) -> f64 {
+        1.0 - (q - q.clamp(-self.spread, self.spread)).length_squared()
+    }
+
     /// Its field at a point of the world.
     pub fn field(&self, p: DVec3) -> f64 {
-        let q = self.element_from_world.transform_point3(p);
-        // What is left of a coordinate beyond a half length.
-        let beyond = |x: f64, half: f64| x - x.clamp(-half, half);
-        let q = match self.kind {
-            ElementKind::Ball => q,
-            ElementKind::Capsule => DVec3::new(beyond(q.x, self.size.x), q.y, q.z),
-            ElementKind::Plane => DVec3::new(beyond(q.x, self.size.x), beyond(q.y, self.size.y), q.z),
-            ElementKind::Cube => q - q.clamp(-self.size, self.size),
-            ElementKind::Ellipsoid => q / self.size,
-        };
-        let inside = 1.0 - q.length_squared() / (self.radius * self.radius);
-        if inside > 0.0 { self.stiffness * inside * inside * inside } else { 0.0 }
+        let inside = self.inside(self.unit_from_world.transform_point3(p)).max(0.0);
+        self.stiffness * inside * inside * inside
+    }
+
+    /// Whether its field may be other than 0 within `radius` of a point of the world.
+    pub fn reaches(&self, p: DVec3, radius: f64) -> bool {
+        let (q, m) = (self.unit_from_world.transform_point3(p), self.unit_from_world.matrix3);
+        // The norm of a matrix is at most the root of the largest sum of a row of its square: exact for a turned and scaled one.
+        let square = m.transpose() * m;
+        let norm = (0..3).map(|i| square.row(i).abs().element_sum()).fold(0.0, f64::max).sqrt();
+        (q - q.clamp(-self.spread, self.spread)).length() < 1.0 + radius * norm
     }
 
     /// The box outside which its field is 0.
@@ -99,32 +101,54 @@ pub struct Metaballs {
     pub elements: Vec<Element>,
 }
 
-/// A family's field at a point, and the lone ball that would make it there.
+/// Points of a row.
+pub const ROW: usize = 8;
+
+/// A family's field at the points of a row, and the lone balls that would make it there.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Look {
-    /// The sum of the fields.
-    pub field: f64,
+pub struct Row {
+    /// The sums of the fields.
+    pub field: [f64; ROW],
     /// The fields above 0, summed with their elements' radii (m) and stiffnesses as weights.
-    positive: f64,
-    radii: f64,
-    stiffnesses: f64,
+    positive: [f64; ROW],
+    radii: [f64; ROW],
+    stiffnesses: [f64; ROW],
 }
 
-impl Look {
-    /// Adds an element.
-    pub fn add(&mut self, element: &Element, p: DVec3) {
-        let field = element.field(p);
-        self.field += field;
-        if field > 0.0 {
-            self.positive += field;
-            self.radii += field * element.world_radius;
-            self.stiffnesses += field * element.stiffness;
+impl Row {
+    /// Adds an element to the points `start`, `start + step` and so on.
+    pub fn add(&mut self, element: &Element, start: DVec3, step: DVec3) {
+        let (at, by) = (element.unit_from_world.transform_point3(start), element.unit_from_world.matrix3 * step);
+        let along = |k: usize| k as f64;
+        let inside: [f64; ROW] = if element.spread == DVec3::ZERO {
+            let (c, b, a) = (1.0 - at.length_squared(), -2.0 * at.dot(by), -by.length_squared());
+            std::array::from_fn(|k| c + along(k) * (b + along(k) * a))
+        } else {
+            std::array::from_fn(|k| element.inside(at + along(k) * by))
+        };
+        let field = inside.map(|u| {
+            let u = u.max(0.0);
+            element.stiffness * u * u * u
+        });
+        add(&mut self.field, &field, 1.0);
+        if element.stiffness > 0.0 {
+            add(&mut self.positive, &field, 1.0);
+            add(&mut self.radii, &field, element.world_radius);
+            add(&mut self.stiffnesses, &field, element.stiffness);
         }
     }
 
-    /// The radius and the stiffness of the lone ball, means over the elements by their fields; `None` where nothing adds to the field.
-    pub fn ball(&self) -> Option<(f64, f64)> {
-        (self.positive > 0.0).then(|| (self.radii / self.positive, self.stiffnesses / self.positive))
+    /// The radius and the stiffness of the lone ball at a point, means over the elements by their fields; `None` where nothing adds to
+    /// the field.
+    pub fn ball(&self, k: usize) -> Option<(f64, f64)> {
+        (self.positive[k] > 0.0).then(|| (self.radii[k] / self.positive[k], self.stiffnesses[k] / self.positive[k]))
+    }
+}
+
+/// Adds `by * terms` to `sums`.
+fn add(sums: &mut [f64; ROW], terms: &[f64; ROW], by: f64) {
+    for (sum, term) in sums.iter_mut().zip(terms) {
+        *sum += by * term;
     }
 }
 

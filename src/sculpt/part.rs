@@ -1,11 +1,11 @@
 //! The parts of a sculpture, ready to be put into bricks.
 
-use super::detail::{Moved, Noise};
-use super::metaballs::{Look, Metaballs};
+use super::metaballs::{Metaballs, ROW, Row};
+use super::noise::{Moved, Noise};
 use super::{Distances, Part, Solid};
 use crate::error::Result;
 use crate::geom::Bounds;
-use crate::scene::density::BRICK_VOXELS;
+use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS};
 use crate::scene::{BrickGrid, Shape};
 use crate::voxelise::{Cover, Lattice, Up};
 use glam::{DAffine3, DVec3, IVec3};
@@ -121,6 +121,14 @@ impl Compiled {
         }
     }
 
+    /// Whether a piece may be other than 0 in the brick at `origin`, where its bounds are.
+    pub fn meets(&self, piece: &Piece, lattice: &Lattice, origin: IVec3) -> bool {
+        let Form::Metaballs(family, _) = &self.form else { return true };
+        let half = 0.5 * f64::from(BRICK_SIDE);
+        let middle = lattice.anchor + lattice.step * (origin.as_dvec3() + half) - piece.shift;
+        family.elements[piece.element as usize].reaches(middle, half * lattice.step.length())
+    }
+
     /// Adds its density to a brick, which `group`, pieces of this part alike shifted, meet. `moved` is what is known of the noise in
     /// each voxel.
     pub fn add(&self, origin: IVec3, group: &[&Piece], setting: &Setting, moved: &mut [Moved], sum: &mut [f64; BRICK_VOXELS]) {
@@ -130,22 +138,38 @@ impl Compiled {
         let (lattice, shift) = (&setting.lattice, group[0].shift);
         // Tiles are whole numbers of voxels.
         let by = (shift / lattice.step).round().as_ivec3();
-        for (voxel, (sum, moved)) in sum.iter_mut().zip(moved).enumerate() {
-            let index = origin + IVec3::new((voxel >> 6) as i32, (voxel >> 3 & 7) as i32, (voxel & 7) as i32);
-            let p = lattice.anchor + lattice.step * (index.as_dvec3() + 0.5);
-            let q = p - shift;
-            let density = match &self.form {
-                Form::Plain(_) => 0.0,
-                Form::Metaballs(family, span) => of_family(family, *span, group, [p, q], setting, moved),
-                Form::Ellipsoid(unit_from_world) => self.at_depth(ellipsoid_depth(unit_from_world, q), p, setting, moved),
-                Form::Layer(centre, half) => self.at_depth((*half - (q - *centre).abs()).min_element(), p, setting, moved),
-                Form::Depths(depths) => {
-                    let depth = depths.at_or((index - by).to_array(), f32::NEG_INFINITY);
-                    self.at_depth(f64::from(depth), p, setting, moved)
-                }
-            };
-            *sum += self.weight * density;
+        for (row, (sum, moved)) in sum.chunks_exact_mut(ROW).zip(moved.chunks_exact_mut(ROW)).enumerate() {
+            let start = origin + IVec3::new((row >> 3) as i32, (row & 7) as i32, 0);
+            let place = |index: IVec3| lattice.anchor + lattice.step * (index.as_dvec3() + 0.5);
+            let fields = self.fields(group, place(start) - shift, lattice.step);
+            for (k, (sum, moved)) in sum.iter_mut().zip(moved).enumerate() {
+                let index = start + IVec3::Z * k as i32;
+                let p = place(index);
+                let q = p - shift;
+                let density = match &self.form {
+                    Form::Plain(_) => 0.0,
+                    Form::Metaballs(family, span) => of_family(family.threshold, *span, &fields, k, p, setting, moved),
+                    Form::Ellipsoid(unit_from_world) => self.at_depth(ellipsoid_depth(unit_from_world, q), p, setting, moved),
+                    Form::Layer(centre, half) => self.at_depth((*half - (q - *centre).abs()).min_element(), p, setting, moved),
+                    Form::Depths(depths) => {
+                        let depth = depths.at_or((index - by).to_array(), f32::NEG_INFINITY);
+                        self.at_depth(f64::from(depth), p, setting, moved)
+                    }
+                };
+                *sum += self.weight * density;
+            }
         }
+    }
+
+    /// The fields of a family's elements along a row of voxels.
+    fn fields(&self, group: &[&Piece], start: DVec3, step: DVec3) -> Row {
+        let mut row = Row::default();
+        if let Form::Metaballs(family, _) = &self.form {
+            for piece in group {
+                row.add(&family.elements[piece.element as usize], start, step.with_x(0.0).with_y(0.0));
+            }
+        }
+        row
     }
 
     /// The density of what lies `depth` metres below a sharp boundary, before detail.
@@ -161,28 +185,26 @@ impl Compiled {
     }
 }
 
-/// The density of a family of metaballs, `span` of whose field makes the full density, at a point that is shifted to `p` from `q`.
+/// The density of a family of metaballs, `span` of whose field makes the full density, at point `k` of a row, which is at `p`.
 ///
 /// Detail moves the surface: the field here is that of a lone ball at some radius, and becomes that ball's field as far inward or
 /// outward as the surface moves.
-fn of_family(family: &Metaballs, span: f64, group: &[&Piece], [p, q]: [DVec3; 2], setting: &Setting, moved: &mut Moved) -> f64 {
-    let mut look = Look::default();
-    for piece in group {
-        look.add(&family.elements[piece.element as usize], q);
-    }
-    let threshold = family.threshold;
-    let rise = |field: f64, contrast: f64| (contrast * (field - threshold) / span).clamp(0.0, 1.0);
-    let Some(noise) = setting.noise else { return rise(look.field, 1.0) };
-    let Some((radius, stiffness)) = look.ball() else { return 0.0 };
+fn of_family(threshold: f64, span: f64, fields: &Row, k: usize, p: DVec3, setting: &Setting, moved: &mut Moved) -> f64 {
+    let field = fields.field[k];
+    let rise = |field: f64, steepness: f64| (steepness * (field - threshold)).clamp(0.0, 1.0);
+    let Some(noise) = setting.noise else { return rise(field, span.recip()) };
+    let Some((radius, stiffness)) = fields.ball(k) else { return 0.0 };
+    let flatness = (radius * radius).recip();
     let lone = |r: f64| {
-        let inside = (1.0 - r * r / (radius * radius)).max(0.0);
+        let inside = (1.0 - r * r * flatness).max(0.0);
         stiffness * inside * inside * inside
     };
-    let at = radius * (1.0 - (look.field.clamp(0.0, stiffness) / stiffness).cbrt()).max(0.0).sqrt();
-    let still = look.field - lone(at);
+    let at = radius * (1.0 - (field.clamp(0.0, stiffness) / stiffness).cbrt()).max(0.0).sqrt();
+    let still = field - lone(at);
     let voxel = setting.lattice.step.max_element();
     let above = ((p.z - setting.base) / voxel + 0.5).clamp(0.0, 1.0);
-    let density = noise.moved(p, moved, |by| above * rise(still + lone((at - by).max(0.0)), noise.contrast()));
+    let steepness = noise.contrast() / span;
+    let density = noise.moved(p, moved, |by| above * rise(still + lone((at - by).max(0.0)), steepness));
     noise.eroded(density, p, moved)
 }
 

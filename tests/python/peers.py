@@ -4,7 +4,8 @@ A scene is a dict in Blender's frame and in metres:
 
     {"balls": [{"centre", "radius", "sigma", "albedo", "g"}, ...]              these
      "vdb": path, "voxel": h, "sigma", "albedo", "g",                          and/or a grid named density,
-     "values": array, "origin": centre of values[0, 0, 0],                     and what is in it (for Mitsuba)
+     "values": array, "origin": centre of values[0, 0, 0],                     what is in it (for Mitsuba),
+     "place": 4 x 4, laid on the grid by the file's transform, or None,
      "sun": {"direction", "irradiance", "angle"}, "sky": radiance,
      "ground": {"z", "albedo", "half_size"} or None,
      "camera": {"position", "look_at", "fov_x"}, "width", "height"}
@@ -52,10 +53,11 @@ def ball(centre, radius, sigma, albedo=0.999, g=0.85):
     return {"centre": centre, "radius": radius, "sigma": sigma, "albedo": albedo, "g": g}
 
 
-def grid(path, values, voxel, origin, sigma=25.0, albedo=0.999, g=0.85):
-    """Writes `values` (x, y, z), whose first sample is at `origin`; returns the media part of a scene."""
-    vdbinfo.write_values(path, values, voxel, origin)
-    return {"vdb": str(path), "voxel": voxel, "values": values, "origin": tuple(origin), "sigma": sigma, "albedo": albedo, "g": g}
+def grid(path, values, voxel, origin, sigma=25.0, albedo=0.999, g=0.85, place=None):
+    """Writes `values` (x, y, z), whose first sample is at `origin` before `place` is laid on it; returns the media part of a scene."""
+    vdbinfo.write_values(path, values, voxel, origin, place)
+    return {"vdb": str(path), "voxel": voxel, "values": values, "origin": tuple(origin), "sigma": sigma, "albedo": albedo, "g": g,
+            "place": None if place is None else np.array(place).tolist()}
 
 
 # ------------------------------------------------------------------------------------------------------------- Cycles
@@ -117,11 +119,12 @@ if s.get("vdb"):
     values, h = np.load(given["values"]), s["voxel"]
     low, size = np.array(s["origin"]) - h / 2, np.array(values.shape) * h
     texture = mi.VolumeGrid(np.ascontiguousarray(values.transpose(2, 1, 0)[..., None], np.float32))
+    place = T() if s["place"] is None else T(s["place"])
     inside = {"type": "heterogeneous", "albedo": s["albedo"], "scale": s["sigma"], "phase": {"type": "hg", "g": s["g"]},
               "sigma_t": {"type": "gridvolume", "grid": texture, "filter_type": "trilinear",
-                          "to_world": T().translate(low.tolist()).scale(size.tolist())}}
+                          "to_world": place @ T().translate(low.tolist()).scale(size.tolist())}}
     parts["cloud"] = {"type": "cube", "bsdf": {"type": "null"}, "interior": inside,
-                      "to_world": T().translate((low + size / 2).tolist()).scale((size / 2).tolist())}
+                      "to_world": place @ T().translate((low + size / 2).tolist()).scale((size / 2).tolist())}
 scene = mi.load_dict(parts)
 mi.render(scene, spp=1, seed=10**6)
 images, out["seconds"] = [], []

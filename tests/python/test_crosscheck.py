@@ -118,6 +118,38 @@ def test_peers_agree_on_a_grid(folder, mitsuba):
     agrees(*theirs, "Cycles and Mitsuba, grid")
 
 
+def turned():
+    """A rotation about no axis of the lattice, and a scale of 1.3, 0.7 and 1.1 along the lattice's axes."""
+    a, b = np.radians(35.0), np.radians(-25.0)
+    about_z = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(b), -np.sin(b)], [0.0, np.sin(b), np.cos(b)]])
+    place = np.eye(4)
+    place[:3, :3], place[:3, 3] = about_z @ about_x @ np.diag([1.3, 0.7, 1.1]), (0.2, -0.1, 0.1)
+    return place
+
+
+@pytest.fixture(scope="module")
+def askew(folder):
+    """A VDB whose own transform turns it and scales it unevenly."""
+    return described(width=48, height=36, sun={"angle": 1e-4},
+                     **peers.grid(folder / "askew.vdb", *cumulus.values(64), sigma=12.0, place=turned()))
+
+
+@pytest.fixture(scope="module")
+def ours_askew(cloudvdb, askew, folder):
+    return peers.cloudvdb(askew, folder, samples=8192, seeds=[25])
+
+
+def test_a_vdb_askew_as_mitsuba_has_it(askew, ours_askew, mitsuba):
+    agrees(stated(ours_askew), Picture.from_seeds(peers.mitsuba(askew, samples=512, seeds=12).images), "askew, Mitsuba",
+           samples=8192 / (12 * 512))
+
+
+def test_a_vdb_askew_as_cycles_has_it(askew, ours_askew, newer):
+    agrees(stated(ours_askew), Picture.from_seeds(peers.cycles(askew, samples=256, seeds=12, python=newer).images), "askew, Cycles 5.2",
+           mean=0.008, samples=8192 / (12 * 256))
+
+
 @pytest.mark.parametrize("name", BALLS)
 def test_balls_as_mitsuba_has_them(cloudvdb, tmp_path, mitsuba, name):
     ours = peers.cloudvdb(BALLS[name], tmp_path, samples=16384, seeds=[22])

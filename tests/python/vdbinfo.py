@@ -53,9 +53,8 @@ data = np.load(sys.argv[1])
 grid = vdb.FloatGrid(0.0)
 grid.name, grid.gridClass, grid.saveFloatAsHalf = "density", vdb.GridClass.FOG_VOLUME, bool(data["half"])
 grid.copyFromArray(np.ascontiguousarray(data["values"], np.float32), ijk=tuple(int(i) for i in data["low"]))
-h = float(data["voxel"])
-grid.transform = vdb.createLinearTransform(h)
-grid.transform.translate(tuple(float(x) for x in data["origin"]))
+# OpenVDB's matrices multiply rows.
+grid.transform = vdb.createLinearTransform(data["matrix"].T.tolist())
 grid.prune()
 vdb.write(sys.argv[2], grids=[grid])
 """
@@ -105,10 +104,13 @@ def coverage(balls, voxel, fine=8):
     return values, low
 
 
-def write_values(path, values, voxel, origin):
-    """A VDB of `values` (x, y, z); the first sample is at `origin`. 32-bit floats."""
+def write_values(path, values, voxel, origin, place=None, low=(0, 0, 0), half=False):
+    """A VDB of `values` (x, y, z), whose sample (0, 0, 0) is at `origin` and whose first is number `low`. 32-bit floats.
+    `place`, 4 x 4, is laid on the world of the grid: it becomes a part of the transform in the file."""
+    matrix = np.diag([voxel] * 3 + [1.0])
+    matrix[:3, 3] = origin
     with tempfile.NamedTemporaryFile(suffix=".npz") as file:
-        np.savez(file, values=values, low=(0, 0, 0), voxel=voxel, origin=origin, half=False)
+        np.savez(file, values=values, low=low, matrix=matrix if place is None else np.array(place) @ matrix, half=half)
         file.flush()
         _debian(WRITE, file.name, path)
     return path
@@ -117,8 +119,4 @@ def write_values(path, values, voxel, origin):
 def write_balls(path, balls, voxel, scale=1.0, shift=(0.0, 0.0, 0.0), half=False):
     """A VDB of `balls`, with deliberate faults on request: values times `scale`, everything moved by `shift` voxels."""
     values, low = coverage(balls, voxel)
-    with tempfile.NamedTemporaryFile(suffix=".npz") as file:
-        np.savez(file, values=values * scale, low=low, voxel=voxel, origin=np.array(shift) * voxel, half=half)
-        file.flush()
-        _debian(WRITE, file.name, path)
-    return path
+    return write_values(path, values * scale, voxel, np.array(shift) * voxel, low=low, half=half)

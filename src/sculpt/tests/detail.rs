@@ -33,7 +33,7 @@ fn the_mass_does_not_depend_on_the_voxels() {
 #[test]
 fn octaves_that_cannot_matter_are_left_out_without_a_trace() {
     for (_, genus) in Genus::NAMES {
-        let noise = detail(genus, 1.0, 0.4).noise(None);
+        let noise = Noise::new(&detail(genus, 1.0, 0.4), None);
         let mut rng = Rng::new(5, Stage::Photons, 0);
         for _ in 0..2000 {
             let p = DVec3::new(rng.uniform(), rng.uniform(), rng.uniform()) * 5.0;
@@ -54,7 +54,7 @@ fn rng_depth(p: DVec3) -> f64 {
 #[test]
 fn displacement_has_the_mean_that_it_says() {
     for (_, genus) in Genus::NAMES {
-        let noise = detail(genus, 1.0, 1.0).noise(None);
+        let noise = Noise::new(&detail(genus, 1.0, 1.0), None);
         let mut rng = Rng::new(6, Stage::Photons, 0);
         let n = 20_000;
         let sum: f64 = (0..n)
@@ -91,7 +91,7 @@ fn a_deck_has_no_seam() {
         };
         let middle = (50..70).map(differ).sum::<f64>() / 20.0;
         assert!(differ(max[0]) < 3.0 * middle, "{genus:?}: {} {middle}", differ(max[0]));
-        let noise = sculpture.detail.unwrap().noise(Some(tile));
+        let noise = Noise::new(&sculpture.detail.unwrap(), Some(tile));
         for y in [-1.9, 0.3, 1.7] {
             let at = |x: f64| noise.moved(DVec3::new(x, y, 0.1), &mut Moved::default(), |by| by);
             assert!((at(-3.0 + 1e-7) - at(3.0 - 1e-7)).abs() < 1e-4 && (at(0.4) - at(6.4)).abs() < 1e-9);

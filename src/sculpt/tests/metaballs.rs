@@ -30,12 +30,15 @@ fn a_lone_balls_integral_is_the_closed_form_at_every_voxel_size() {
 /// The evaluation by bricks, against the sum over all elements at each voxel.
 #[test]
 fn bricks_hold_what_the_field_says_at_their_voxels() {
+    let skewed = DAffine3::from_rotation_x(0.8) * DAffine3::from_scale(DVec3::new(1.5, 0.6, 1.1)) * DAffine3::from_rotation_y(0.5);
     let elements = vec![
         ball(DVec3::ZERO, 1.0, 2.0),
         ball(DVec3::new(0.7, 0.2, 0.1), 0.8, 3.0),
         ball(DVec3::new(0.3, -0.5, 0.2), 0.6, -1.5),
         Element::new(ElementKind::Capsule, DAffine3::from_rotation_z(0.4), 0.5, 2.0, DVec3::new(1.2, 0.0, 0.0)),
         Element::new(ElementKind::Cube, DAffine3::from_translation(DVec3::splat(0.8)), 0.4, 2.0, DVec3::splat(0.3)),
+        Element::new(ElementKind::Plane, skewed, 0.3, -0.8, DVec3::new(0.5, 0.2, 0.0)),
+        Element::new(ElementKind::Ellipsoid, skewed, 0.5, 2.5, DVec3::new(1.4, 0.6, 0.9)),
     ];
     let solid = family(elements);
     let Solid::Metaballs(balls) = solid.clone() else { unreachable!() };

@@ -171,15 +171,17 @@ def stage(described):
         thing.scale = (ball["radius"] * (4 / 3 * math.pi / volume) ** (1 / 3),) * 3
         principled(thing, ball["sigma"], ball["albedo"], anisotropy=ball["g"])
     if described.get("vdb"):
-        place(described["vdb"], described["voxel"], described["sigma"], described["albedo"], described["g"])
+        place(described["vdb"], described["voxel"], described["sigma"], described["albedo"], described["g"],
+              described.get("place"))
 
 
-def place(vdb, voxel, density, albedo, g):
-    """A grid where OpenVDB says that it is, with its samples as they are."""
+def place(vdb, voxel, density, albedo, g, turned=None):
+    """A grid where OpenVDB says that it is, with its samples as they are. `turned` is the matrix in its transform, where one is."""
     volume = import_volume(vdb)
     volume.data.render.precision = "FULL"
     # Blender 4.5 takes OpenVDB's samples for the lower corners of voxels.
-    volume.location = (-voxel * shift(),) * 3
+    back = Vector((-voxel * shift(),) * 3)
+    volume.location = Matrix(turned).to_3x3() @ back if turned else back
     principled(volume, density, albedo, anisotropy=g)
     return volume
 
