@@ -39,7 +39,7 @@ fi
 endef
 .ONESHELL:
 
-.PHONY: help demo build test bench scenes crosscheck crosscheck-speed lint clean build-packages test-packages rust
+.PHONY: help demo build test bench addon scenes crosscheck crosscheck-speed lint clean build-packages test-packages rust
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 26
@@ -59,6 +59,9 @@ test: build test-packages $(VENV)/.stamp ## All tests: Rust's, then those that u
 
 bench: build ## Criterion's benchmarks
 	cargo bench
+
+addon: build test-packages $(VENV)/.stamp ## The Blender add-on's zips in out/, the command inside; the extension validated
+	$(VENV)/bin/python -I blender_addon/build.py --output out --binary target/release/cloudvdb
 
 scenes: test-packages $(VENV)/.stamp ## Writes the scenes again, with Blender
 	$(VENV)/bin/python -I scenes/make_scenes.py

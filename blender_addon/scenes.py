@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""New layouts: a cumulus of metaballs, a field of them, a scene with sunbeams, a sun and a sky."""
+import math
+
+import bpy
+from mathutils import Vector
+
+from . import media, metaballs
+
+
+def family_name(base):
+    """A name whose family of metaballs is new: else the new cloud would melt into an old one."""
+    taken = {metaballs.family(thing.name) for thing in bpy.data.objects}
+    name, number = base, 1
+    while name in taken:
+        number += 1
+        name = f"{base} {number}"
+    return name
+
+
+def cumulus(context, name, at, width, height, puffs, chance):
+    """A metaball like a cumulus: flat below, towers above, all by the random numbers of `chance`."""
+    data = bpy.data.metaballs.new(name)
+    thing = bpy.data.objects.new(name, data)
+    thing.location = at
+    seen = metaballs.visible(data.threshold, 2.0)
+    half = 0.5 * width
+    for number in range(puffs):
+        # Around the middle by the golden angle; the farther out, the smaller and the lower.
+        out = math.sqrt((number + 0.5) / puffs) * chance.uniform(0.85, 1.15)
+        angle = 2.399963 * number + chance.uniform(-0.4, 0.4)
+        size = half * (0.46 - 0.2 * min(out, 1.0)) * chance.uniform(0.85, 1.15)
+        top = max(height * (1.0 - min(out, 1.0) ** 1.5) * chance.uniform(0.5, 1.0) - size, 0.0)
+        x, y = (0.72 * half * out * f for f in (math.cos(angle), math.sin(angle)))
+        layers = max(1, math.ceil(top / size))
+        for layer in range(layers + 1):
+            share = layer / layers
+            radius = size * (1.0 - 0.3 * share) / seen
+            low = layer == 0
+            one = data.elements.new(type="ELLIPSOID" if low else "BALL")
+            one.co = (x + 0.15 * size * chance.uniform(-1, 1), y + 0.15 * size * chance.uniform(-1, 1), top * share + (0.5 if low else 1.0) * size)
+            one.radius = radius
+            if low:
+                one.size_x, one.size_y, one.size_z = 1.0, 1.0, 0.55
+            if layers == 1 and top < 0.2 * size:
+                break
+    metaballs.show(data, 0.35 * width)
+    context.collection.objects.link(thing)
+    return thing
+
+
+def select(context, things):
+    """Selects these and nothing else: the button Synthesise Cloud is next."""
+    for other in context.selected_objects:
+        other.select_set(False)
+    for thing in things:
+        thing.select_set(True)
+        context.view_layer.objects.active = thing
+
+
+def sun_and_sky(context, toward=(0.5, -0.6, 0.75), strength=4.0, sky=0.25):
+    """A Sun from `toward`, and a plain blue sky; a world that is not Blender's grey stays."""
+    scene = context.scene
+    light = bpy.data.lights.new("Sun", "SUN")
+    light.energy, light.angle = strength, 0.00918
+    thing = bpy.data.objects.new("Sun", light)
+    thing.rotation_euler = Vector(toward).to_track_quat("Z", "Y").to_euler()
+    thing.location = Vector(toward) * 10
+    context.collection.objects.link(thing)
+    shines = media.sky(scene.world)
+    if scene.world is None or (shines is not None and max(shines) - min(shines) < 1e-6):
+        world = scene.world = scene.world or bpy.data.worlds.new("World")
+        world.use_nodes = True
+        nodes = world.node_tree.nodes
+        background = next((node for node in nodes if node.type == "BACKGROUND"), None)
+        if background is None:
+            background = nodes.new("ShaderNodeBackground")
+            output = nodes.new("ShaderNodeOutputWorld")
+            world.node_tree.links.new(background.outputs[0], output.inputs["Surface"])
+        background.inputs["Color"].default_value = (0.24, 0.47, 1.0, 1.0)
+        background.inputs["Strength"].default_value = sky
+    return thing
+
+
+def haze(context, name, size, at, density):
+    """A box of thin air in which shadows show: a volume of Blender's own, which the command leaves out."""
+    bpy.ops.mesh.primitive_cube_add(size=1, location=at)
+    thing = context.object
+    thing.name, thing.scale, thing.display_type = name, size, "WIRE"
+    thing[media.KEY] = "ignore"
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader, out = tree.nodes.new("ShaderNodeVolumeScatter"), tree.nodes.new("ShaderNodeOutputMaterial")
+    shader.inputs["Density"].default_value, shader.inputs["Anisotropy"].default_value = density, 0.7
+    tree.links.new(shader.outputs[0], out.inputs["Volume"])
+    thing.data.materials.append(material)
+    return thing
+
+
+def camera(context, at, target, angle):
+    """A camera that looks at `target`; the scene's own from now on."""
+    thing = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    thing.location, thing.data.angle = at, angle
+    thing.rotation_euler = (Vector(target) - Vector(at)).to_track_quat("-Z", "Y").to_euler()
+    thing.data.clip_end = 100 * (Vector(target) - Vector(at)).length
+    context.collection.objects.link(thing)
+    context.scene.camera = thing
+    return thing
