@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """cloudvdb in Blender: a button that turns a layout into a photon-cloud volume."""
-from . import panel, preferences, presets, regions, scene_operators, settings, synthesise
+from . import panel, preferences, presets, regions, scene_operators, settings, synthesise, takes
 from .gltf_export import glTF2ExportUserExtension  # noqa: F401  Blender's exporter looks for it here.
 from .gltf_import import glTF2ImportUserExtension  # noqa: F401  And its importer for this.
 
@@ -15,7 +15,7 @@ bl_info = {
     "category": "Object",
 }
 
-MODULES = (preferences, settings, presets, synthesise, scene_operators, regions, panel)
+MODULES = (preferences, settings, takes, presets, synthesise, scene_operators, regions, panel)
 
 
 def register():

@@ -10,7 +10,7 @@ WANTED = "metaballs, spheres, closed meshes or sphere empties"
 
 def is_cloud(thing):
     """Whether the object is a Volume that this add-on made."""
-    return thing.type == "VOLUME" and bool(thing.cloudvdb_record.path)
+    return thing.type == "VOLUME" and thing.cloudvdb_record.made
 
 
 def objects(context, settings):

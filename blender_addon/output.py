@@ -25,20 +25,6 @@ def clean(name):
     return re.sub(r'[\x00-\x1f<>:"/\\|?*]', "_", name).strip(" .") or "Cloud"
 
 
-def target(folder, name, record):
-    """The path of a cloud's VDB: the one that it has in this folder already, else one that is no other's file."""
-    if record is not None and record.path:
-        old = bpy.path.abspath(record.path)
-        if os.path.dirname(os.path.abspath(old)) == folder and old.endswith(".vdb") and not re.search(r"\.\d{4,}\.vdb$", old):
-            return os.path.abspath(old)
-    stem, number = clean(name), 1
-    path = os.path.join(folder, f"{stem}.vdb")
-    while os.path.exists(path):
-        number += 1
-        path = os.path.join(folder, f"{stem} {number}.vdb")
-    return path
-
-
 class Workshop:
     """A hidden folder in the target's: the command writes there, `deliver` renames. `clear` takes it away, and folders made for it."""
 

@@ -192,7 +192,7 @@ class CLOUDVDB_OT_use_cycles(bpy.types.Operator):
 
 def write(column, text, context):
     """Words of any length in a narrow panel."""
-    width = max(20, int(context.region.width / (7 * context.preferences.system.ui_scale))) if context.region else 40
+    width = max(20, int(context.region.width / (8 * context.preferences.system.ui_scale))) if context.region else 40
     rows = column.column(align=True)
     rows.scale_y = 0.8
     for paragraph in text.split("\n"):

@@ -5,6 +5,7 @@ from bpy.props import StringProperty
 
 from . import binary
 from .errors import CloudError
+from .settings import RELATIVE
 
 
 class CloudPreferences(bpy.types.AddonPreferences):
@@ -12,7 +13,7 @@ class CloudPreferences(bpy.types.AddonPreferences):
 
     bl_idname = __package__
 
-    binary: StringProperty(name="Command", subtype="FILE_PATH",
+    binary: StringProperty(name="Command", subtype="FILE_PATH", options=RELATIVE,
                            description="The command cloudvdb, or its folder. Empty: the one beside the add-on, else the one on the PATH")
 
     def draw(self, context):

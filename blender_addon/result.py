@@ -31,7 +31,7 @@ def place(scene, things, name, path, report, settings, frames=None):
         cloud.data.materials.append(material.create(cloud.name, *medium))
     cloud.data.display.density = medium[0]
     record.density, record.albedo, record.anisotropy = medium
-    record.offset, record.path = offset, relative(path)
+    record.offset, record.made = offset, True
     hide(cloud, things)
     if settings.set_bounces:
         told += material.raise_bounces(scene)
@@ -39,7 +39,7 @@ def place(scene, things, name, path, report, settings, frames=None):
 
 
 def load(volume, path, frames):
-    """Points a Volume at a file, and reads that file again even where it had the same name before."""
+    """Points a Volume at a file, or at the first of a sequence."""
     volume.grids.unload()
     volume.is_sequence = frames is not None
     volume.filepath = relative(path)
@@ -70,7 +70,7 @@ def collection_of(scene):
 
 
 def hide(cloud, things):
-    """Takes the layout out of renders, and shows it as wires; what it was before stays with the cloud."""
+    """Takes the layout out of renders, and shows it as boxes, for it would hide the cloud; what it was before stays with the cloud."""
     record = cloud.cloudvdb_record
     before = {item.object: (item.display_type, item.hide_render) for item in record.layout if item.object}
     record.layout.clear()
@@ -79,7 +79,7 @@ def hide(cloud, things):
         item.object = thing
         item.display_type, item.hide_render = before.get(thing, (thing.display_type, thing.hide_render))
         thing.hide_render = True
-        thing.display_type = "WIRE"
+        thing.display_type = "BOUNDS"
 
 
 def unhide(cloud):

@@ -23,28 +23,27 @@ def cumulus(context, name, at, width, height, puffs, chance):
     data = bpy.data.metaballs.new(name)
     thing = bpy.data.objects.new(name, data)
     thing.location = at
-    seen = metaballs.visible(data.threshold, 2.0)
-    half = 0.5 * width
+    half, seen = 0.5 * width, metaballs.visible(data.threshold, 2.0)
+
+    def puff(x, y, z, size, flat=1.0):
+        """An element whose surface alone would have the radius `size`, its middle at the height z."""
+        one = data.elements.new(type="ELLIPSOID")
+        one.co, one.radius, one.size_z = (x, y, z), size / seen, flat
+        one.size_x = one.size_y = 1.0
+
     for number in range(puffs):
         # Around the middle by the golden angle; the farther out, the smaller and the lower.
-        out = math.sqrt((number + 0.5) / puffs) * chance.uniform(0.85, 1.15)
+        out = min(math.sqrt((number + 0.5) / puffs) * chance.uniform(0.85, 1.1), 1.0)
         angle = 2.399963 * number + chance.uniform(-0.4, 0.4)
-        size = half * (0.46 - 0.2 * min(out, 1.0)) * chance.uniform(0.85, 1.15)
-        top = max(height * (1.0 - min(out, 1.0) ** 1.5) * chance.uniform(0.5, 1.0) - size, 0.0)
-        x, y = (0.72 * half * out * f for f in (math.cos(angle), math.sin(angle)))
-        layers = max(1, math.ceil(top / size))
-        for layer in range(layers + 1):
-            share = layer / layers
-            radius = size * (1.0 - 0.3 * share) / seen
-            low = layer == 0
-            one = data.elements.new(type="ELLIPSOID" if low else "BALL")
-            one.co = (x + 0.15 * size * chance.uniform(-1, 1), y + 0.15 * size * chance.uniform(-1, 1), top * share + (0.5 if low else 1.0) * size)
-            one.radius = radius
-            if low:
-                one.size_x, one.size_y, one.size_z = 1.0, 1.0, 0.55
-            if layers == 1 and top < 0.2 * size:
-                break
-    metaballs.show(data, 0.35 * width)
+        x, y = (0.8 * half * out * f for f in (math.cos(angle), math.sin(angle)))
+        size = half * (0.34 - 0.14 * out) * chance.uniform(0.8, 1.2)
+        puff(x, y, 0.45 * size, size, 0.45)
+        top = height * (1.0 - 0.9 * out ** 2) * chance.uniform(0.45, 1.0) - 0.7 * size
+        z = 0.8 * size
+        while z < top:
+            puff(x + 0.3 * size * chance.uniform(-1, 1), y + 0.3 * size * chance.uniform(-1, 1), z, 0.85 * size)
+            z, size = z + 0.75 * size, 0.92 * size
+    metaballs.show(data, 0.25 * width)
     context.collection.objects.link(thing)
     return thing
 

@@ -3,11 +3,11 @@
 import hashlib
 import json
 import os
-import re
+import shutil
 
 import bpy
 
-from . import binary, layout, output, result, vdb_metadata
+from . import binary, layout, output, result, takes, vdb_metadata
 from .errors import CloudError
 from .task import Task, arguments, describe, scene_of, settings_of
 
@@ -21,21 +21,33 @@ class Sequence(Task):
             raise CloudError(f"The sequence ends at frame {settings.frame_end} before it starts at {settings.frame_start}: set End under Animation")
         self.frames, self.at, self.shown = range(settings.frame_start, settings.frame_end + 1), 0, scene.frame_current
         self.voxel_size, self.made = None, 0
-        self.stem = self.free_stem(scene)
+        self.stem, self.fresh = self.last_stem(), False
         self.done = self.read()
 
-    def free_stem(self, scene):
-        """The files' name before the number: this cloud's, or one whose files are ours."""
-        old = layout.existing(scene, self.things(scene))
-        match = re.fullmatch(r"(.*)\.\d{4,}\.vdb", bpy.path.abspath(old.cloudvdb_record.path)) if old else None
-        if match and os.path.dirname(os.path.abspath(match.group(1))) == self.folder:
-            return os.path.abspath(match.group(1))
-        first, number = os.path.join(self.folder, output.clean(self.name)), 1
-        stem = first
-        while os.path.exists(f"{stem}.{self.frames[0]:04}.vdb") and not os.path.exists(f"{stem}.frames.json"):
-            number += 1
-            stem = f"{first} {number}"
-        return stem
+    def cloud(self):
+        """The layout's cloud, where there is one."""
+        scene = scene_of(self.scene)
+        return layout.existing(scene, self.things(scene))
+
+    def last_stem(self):
+        """The take to go on with: this cloud's own, or that of a run that was stopped before there was one; else a new one."""
+        old = self.cloud()
+        own = takes.stem_of(old.data.filepath) if old else os.path.join(self.folder, output.clean(self.name))
+        if os.path.dirname(own) == self.folder and os.path.exists(f"{own}.frames.json"):
+            return own
+        return takes.next_stem(self.folder, self.name, self.cloud())
+
+    def new_take(self):
+        """A frame that Blender may have shown has changed: on with new names, under which the frames that are done come along."""
+        old, self.stem, self.fresh = self.stem, takes.next_stem(self.folder, self.name, self.cloud()), True
+        for frame in list(self.done):
+            path = f"{old}.{int(frame):04}.vdb"
+            try:
+                os.link(path, self.path(int(frame)))
+            except FileNotFoundError:
+                del self.done[frame]
+            except OSError:  # a file system without links
+                shutil.copy2(path, self.path(int(frame)))
 
     def path(self, frame):
         """A frame's VDB: digits last, as Blender wants them."""
@@ -80,6 +92,8 @@ class Sequence(Task):
         if entry and entry["print"] == self.print and os.path.isfile(self.path(frame)):
             self.leave(frame, entry["report"])
         else:
+            if not self.fresh and os.path.isfile(self.path(frame)):
+                self.new_take()
             self.start(settings, path, self.voxel_size)
 
     def keep(self, frame, report):
@@ -111,6 +125,7 @@ class Sequence(Task):
         self.workshop.clear()
         cloud, told = result.place(scene, self.things(scene), self.name, self.path(self.frames[0]), self.report, settings,
                                    frames=(self.frames[0], len(self.frames)))
+        takes.wrote(self.stem)
         self.told += told
         self.summary = f'"{cloud.name}": {len(self.frames)} frames, {self.made} of them new; the first: {describe(self.report)}'
 

@@ -27,6 +27,10 @@ DETAILS = [
 ]
 
 
+#: Blender 4.5 and later want to be told that // is understood.
+RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
+
+
 class CloudSettings(bpy.types.PropertyGroup):
     """What the panel Cloud shows."""
 
@@ -76,7 +80,7 @@ class CloudSettings(bpy.types.PropertyGroup):
                               description="Edge of a voxel in metres")
     max_voxels: IntProperty(name="Most Voxels", default=16_777_216, min=1_000, max=2_000_000_000,
                             description="The most active voxels of a grid; automatic sizes are coarsened to fit")
-    folder: StringProperty(name="Output", default="//clouds/", subtype="DIR_PATH",
+    folder: StringProperty(name="Output", default="//clouds/", subtype="DIR_PATH", options=RELATIVE,
                            description="Where VDBs go; // is the folder of the .blend file")
     set_bounces: BoolProperty(name="Raise Volume Bounces", default=True,
                               description="Raises Cycles' bounces, Total and Volume, to at least 64: with the defaults clouds are dark")
@@ -95,9 +99,9 @@ class LayoutItem(bpy.types.PropertyGroup):
 
 
 class CloudRecord(bpy.types.PropertyGroup):
-    """How a Volume object was made; an empty path says that it is no cloud of ours."""
+    """How a Volume object was made."""
 
-    path: StringProperty(subtype="FILE_PATH", description="The VDB that was written, or a sequence's first")
+    made: BoolProperty(description="Whether Synthesise Cloud made it")
     layout: CollectionProperty(type=LayoutItem)
     offset: FloatProperty(description="How far the object was moved along each axis to lie where its layout is, m")
     density: FloatProperty(description="Extinction per metre of a sample of 1, as the material was given it")

@@ -119,6 +119,8 @@ class Runs:
         if context.workspace:
             context.workspace.status_text_set(None)
         redraw(context)
+        # Panels find their new heights in the first drawing, and their places in the second.
+        bpy.app.timers.register(lambda: redraw(bpy.context), first_interval=0.3)
 
 
 class CLOUDVDB_OT_synthesise(Runs, bpy.types.Operator):

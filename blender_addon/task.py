@@ -2,7 +2,7 @@
 """Making one cloud: export, the command, the Volume. Objects are kept by name, for undo may free them in between."""
 import bpy
 
-from . import binary, gltf_export, layout, output, result
+from . import binary, gltf_export, layout, output, result, takes
 from .errors import CloudError
 from .job import Job
 from .preferences import preferences
@@ -35,9 +35,7 @@ class Task:
         self.folder, note = self.output_folder(settings)
         self.told = [note] if note else []
         found = gltf_export.suns(context.scene)
-        if not found:
-            self.told.append("There is no Sun: one 45 degrees high in the south-west is assumed (New Layout > Sun and Sky adds one)")
-        elif len(found) > 1:
+        if len(found) > 1:
             self.told.append(f'Of {len(found)} Suns only the strongest, "{gltf_export.sun_of(context.scene).name}", shines on the cloud')
         self.job, self.summary, self.report = None, "", None
         #: The medium of every frame of a sequence, found in its first.
@@ -92,10 +90,11 @@ class Task:
         scene, settings = scene_of(self.scene), settings_of(self.scene)
         things = self.things(scene)
         old = layout.existing(scene, things)
-        path = output.target(self.folder, self.name, old.cloudvdb_record if old else None)
-        self.workshop.deliver(self.OUTPUT, path)
+        stem = takes.next_stem(self.folder, self.name, old)
+        self.workshop.deliver(self.OUTPUT, stem + ".vdb")
         self.workshop.clear()
-        cloud, told = result.place(scene, things, self.name, path, self.report, settings)
+        cloud, told = result.place(scene, things, self.name, stem + ".vdb", self.report, settings)
+        takes.wrote(stem)
         self.told += told + self.job.notes
         self.summary = f'"{cloud.name}": {describe(self.report)}'
 
