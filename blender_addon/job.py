@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One run of the command: a process, its progress, its end. Knows nothing of Blender."""
+import contextlib
 import json
 import os
 import subprocess
@@ -11,6 +12,8 @@ from .errors import CloudError
 STAGES = {"import": 0.05, "photons": 0.30, "regions": 0.15, "voxels": 0.40, "vdb": 0.10}
 #: Seconds that the command has to end by itself once it is asked to.
 GRACE = 0.3
+#: How far the command stands back behind Blender and its drawing, as `nice` has it.
+NICE = 10
 
 
 class Job:
@@ -19,11 +22,18 @@ class Job:
     def __init__(self, command):
         self.stage, self.share, self.notes = "import", 0.0, []
         self._error, self._said, self._out = None, [], b""
-        windows = {"creationflags": getattr(subprocess, "CREATE_NO_WINDOW", 0)} if os.name == "nt" else {"start_new_session": True}
+        if os.name == "nt":
+            options = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.BELOW_NORMAL_PRIORITY_CLASS}
+        else:
+            options = {"start_new_session": True}
         try:
-            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **windows)
+            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
         except OSError as error:
             raise CloudError(f"{command[0]} does not run ({error.strerror})") from error
+        if hasattr(os, "setpriority"):
+            # Blender comes first: it is where the user is.
+            with contextlib.suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, self.process.pid, NICE)
         self._threads = [threading.Thread(target=read, daemon=True) for read in (self._read_words, self._read_data)]
         for thread in self._threads:
             thread.start()

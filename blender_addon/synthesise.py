@@ -162,11 +162,13 @@ class CLOUDVDB_OT_cancel(bpy.types.Operator):
 
 
 def redraw(context):
-    """Draws the panels again."""
+    """Draws the panels again, and not what is beside them: a viewport may take long."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                area.tag_redraw()
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
 
 
 CLASSES = (CLOUDVDB_OT_synthesise, CLOUDVDB_OT_synthesise_sequence, CLOUDVDB_OT_cancel)
