@@ -48,7 +48,7 @@ demo: build ## A cumulus from the layout in scenes/, as out/cumulus.vdb and out/
 	mkdir -p out
 	target/release/cloudvdb scenes/cumulus.gltf -o out/cumulus.vdb -o out/cumulus.json --overwrite
 	density=$$(sed -n 's/.*"density_scale": *\([0-9.eE-]*\).*/\1/p' out/cumulus.json)
-	printf 'next: open out/cumulus.vdb in Blender (Add > Volume > Import OpenVDB); give it a Principled Volume with Density %.4g, Color white, Anisotropy 0.86 (README.md, "In Blender")\n' "$$density"
+	printf 'next: open out/cumulus.vdb in Blender (Add > Volume > Import OpenVDB); give it a Principled Volume with Density %.4g, Color white, Anisotropy 0.86 (README.md, "In Blender, by hand"; or the add-on: make addon)\n' "$$density"
 
 build: build-packages rust ## The command, target/release/cloudvdb
 	cargo build --release

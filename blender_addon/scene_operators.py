@@ -35,8 +35,8 @@ class CLOUDVDB_OT_add_cumulus(Adds, bpy.types.Operator):
     bl_idname = "cloudvdb.add_cumulus"
     bl_label = "Cumulus"
 
-    width: FloatProperty(name="Width", default=6, min=1e-3, soft_max=3000, subtype="DISTANCE", unit="LENGTH", description="In metres")
-    height: FloatProperty(name="Height", default=4, min=1e-3, soft_max=3000, subtype="DISTANCE", unit="LENGTH", description="In metres, base to top")
+    width: FloatProperty(name="Width", default=4.5, min=1e-3, soft_max=3000, subtype="DISTANCE", unit="LENGTH", description="In metres")
+    height: FloatProperty(name="Height", default=2.8, min=1e-3, soft_max=3000, subtype="DISTANCE", unit="LENGTH", description="In metres, base to top")
     puffs: IntProperty(name="Towers", default=14, min=1, max=200, description="How many columns of metaballs")
 
     def execute(self, context):

@@ -57,7 +57,7 @@ def select(context, things):
         context.view_layer.objects.active = thing
 
 
-def sun_and_sky(context, toward=(0.5, -0.6, 0.75), strength=4.0, sky=0.25):
+def sun_and_sky(context, toward=(0.5, -0.6, 0.75), strength=8.0, sky=0.4):
     """A Sun from `toward`, and a plain blue sky; a world that is not Blender's grey stays."""
     scene = context.scene
     light = bpy.data.lights.new("Sun", "SUN")
