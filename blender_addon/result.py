@@ -6,6 +6,8 @@ from mathutils import Matrix
 from . import layout, material, vdb_metadata
 
 COLLECTION = "Clouds"
+#: Optical depth across a cloud in the Solid view, at most.
+SOLID = 8.0
 
 
 def place(scene, things, name, path, report, settings, frames=None):
@@ -29,7 +31,9 @@ def place(scene, things, name, path, report, settings, frames=None):
     else:
         cloud.data.materials.clear()
         cloud.data.materials.append(material.create(cloud.name, *medium))
-    cloud.data.display.density = medium[0]
+    # Thick clouds are flat shapes in the Solid view: there they are as thin as light and shade can be seen.
+    bpy.context.view_layer.update()
+    cloud.data.display.density = min(medium[0], SOLID / max(*cloud.dimensions, 1e-6))
     record.density, record.albedo, record.anisotropy = medium
     record.offset, record.made = offset, True
     hide(cloud, things)

@@ -75,25 +75,21 @@ class CLOUDVDB_OT_scatter_field(Adds, bpy.types.Operator):
 
 
 class CLOUDVDB_OT_sunbeams(Adds, bpy.types.Operator):
-    """Makes a scene with sunbeams: a broken deck of clouds before a low Sun, thin haze below, a camera. Synthesise Cloud, then render"""
+    """Makes a scene with sunbeams: a deck of clouds with gaps before the Sun, thin haze below, a camera. Synthesise Cloud, then render"""
 
     bl_idname = "cloudvdb.sunbeams"
     bl_label = "Sunbeam Scene"
 
-    haze: FloatProperty(name="Haze", default=0.012, min=0, soft_max=0.1, precision=4, description="Scattering of the haze, per metre")
+    haze: FloatProperty(name="Haze", default=0.03, min=0, soft_max=0.1, precision=4, description="Scattering of the haze, per metre")
 
     def execute(self, context):
         chance, made = random.Random(self.seed), []
-        for column in range(-3, 4):
-            for row in range(3):
-                if chance.random() < 0.25:
-                    continue
-                at = (7 * column + chance.uniform(-2, 2), 10 + 7 * row + chance.uniform(-2, 2), 12 + chance.uniform(-0.5, 0.5))
-                made.append(scenes.cumulus(context, scenes.family_name("Cumulus"), at, chance.uniform(5, 8), chance.uniform(1.5, 3), 7, chance))
+        made.append(scenes.deck(context, scenes.family_name("Deck"), (0, 14, 16), (36, 24), 8, chance))
         if self.sun:
-            scenes.sun_and_sky(context, toward=(0.15, 0.75, 0.65), strength=6.0, sky=0.08)
-        scenes.haze(context, "Haze", (60, 44, 16), (0, 12, 8), self.haze)
-        scenes.camera(context, (0, -32, 2.5), (0, 14, 9.5), 0.9)
+            scenes.sun_and_sky(context, toward=(0.1, 0.4, 0.9), strength=20.0, sky=0.03)
+        # Below the clouds only: light that has come through a gap is seen against haze that has got none.
+        scenes.haze(context, "Haze", (56, 30, 14.5), (0, 14, 7.25), self.haze)
+        scenes.camera(context, (0, -30, 3), (0, 14, 10), 0.9)
         scenes.select(context, made)
         return {"FINISHED"}
 

@@ -48,6 +48,27 @@ def cumulus(context, name, at, width, height, puffs, chance):
     return thing
 
 
+def deck(context, name, at, half, gaps, chance):
+    """A closed layer of metaballs with round gaps, so thick and dark that light comes through the gaps alone."""
+    data = bpy.data.metaballs.new(name)
+    thing = bpy.data.objects.new(name, data)
+    thing.location = at
+    thing[media.KEY] = {"sigma_t": 15.0, "albedo": 0.95, "g": 0.86}
+    layer = data.elements.new(type="PLANE")
+    layer.radius, layer.size_x, layer.size_y = 3.0, *half
+    for _ in range(3 * gaps):
+        puff = data.elements.new(type="BALL")
+        puff.co = (half[0] * chance.uniform(-1, 1), half[1] * chance.uniform(-1, 1), chance.uniform(-0.5, 1))
+        puff.radius = chance.uniform(4, 8)
+    for number in range(gaps):
+        gap = data.elements.new(type="BALL")
+        gap.co = (half[0] * 0.8 * (2 * (number + chance.random()) / gaps - 1), half[1] * chance.uniform(-0.6, 0.6), 0)
+        gap.radius, gap.stiffness, gap.use_negative = chance.uniform(4, 6), 10.0, True
+    metaballs.show(data, 6)
+    context.collection.objects.link(thing)
+    return thing
+
+
 def select(context, things):
     """Selects these and nothing else: the button Synthesise Cloud is next."""
     for other in context.selected_objects:

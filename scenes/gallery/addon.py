@@ -30,7 +30,7 @@ def main():
         screen.until("addon.synthesise.running.fraction() > 0.2")
         screen.shoot(shots[1])
         screen.until("addon.synthesise.running is None", timeout=200)
-        screen.say("[thing.select_set(False) for thing in bpy.data.objects]; bpy.data.objects['Cumulus'].hide_set(True); draw()")
+        screen.say("[thing.select_set('Cloud' in thing.name) for thing in bpy.data.objects]; bpy.data.objects['Cumulus'].hide_set(True); draw()")
         screen.move(300, 600)
         screen.shoot(shots[2])
         subprocess.run(["convert", *map(str, shots), "-crop", CROP, "+repage", "-resize", "50%", "+append", "-colors", "200",
