@@ -1,15 +1,17 @@
 """Builds the add-on's zips, and runs scripts in a Blender that has it installed."""
 import functools
+import json
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
 
 import pytest
 
-from blender import INSIDE, blender
+from blender import CODA, INSIDE, blender
 from command import ROOT, SCENES, binary
 
 PACKAGE = ROOT / "blender_addon"
@@ -53,3 +55,18 @@ def bpy52():
     return named
 
 
+
+
+def in_distribution(script, folder, **given):
+    """Runs `script` in the distribution's own Blender, in the background, with the add-on; what it puts into `out`. Skips where there is none."""
+    if not shutil.which("blender"):
+        pytest.skip("no blender here (apt-get install blender)")
+    version = subprocess.run(["blender", "--version"], stdout=subprocess.PIPE, text=True).stdout.split()[1]
+    legacy = tuple(map(int, version.split(".")[:2])) < (4, 2)
+    (folder / "given.json").write_text(json.dumps({**given, "zip": str(zips()[legacy]), "binary": str(binary()), "scenes": str(SCENES)}))
+    (folder / "script.py").write_text(f"import os\nos.chdir({str(folder)!r})\n" + PRELUDE + script + CODA)
+    environment = dict(os.environ, BLENDER_USER_RESOURCES=str(folder / "home"))
+    done = subprocess.run(["blender", "-b", "--factory-startup", "-P", str(folder / "script.py")], env=environment, stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=300)
+    assert (folder / "out.json").exists(), done.stdout[-4000:]
+    return json.loads((folder / "out.json").read_text())

@@ -6,7 +6,7 @@ import zipfile
 
 import pytest
 
-from addon import CHECKS, PACKAGE, bpy52, with_addon, zips
+from addon import CHECKS, PACKAGE, bpy52, in_distribution, with_addon, zips
 from command import binary
 
 RUN = """
@@ -44,6 +44,13 @@ def checked52(cloudvdb):
 @pytest.mark.parametrize("name", AGAIN)
 def test_addon_in_5_2(checked52, name):
     assert not checked52[name], checked52[name]
+
+
+@pytest.mark.long
+def test_addon_in_the_distributions_blender(cloudvdb, tmp_path):
+    """Debian 12 has 3.4: the legacy add-on, by that Blender's installer."""
+    found = in_distribution(RUN, tmp_path, names=None)
+    assert len(found["checks"]) == len(CHECKS) and not any(found["checks"].values()), "\n".join(found["checks"].values())
 
 
 def test_both_zips_hold_the_same_files():
