@@ -1,4 +1,5 @@
 """Builds the add-on's zips, and runs scripts in a Blender that has it installed."""
+import atexit
 import functools
 import json
 import os
@@ -34,6 +35,7 @@ CHECKS = re.findall(r"^@check\ndef (\w+)", (INSIDE / "addon_checks.py").read_tex
 def zips(bundled=None):
     """The paths of the extension and of the legacy add-on, built and validated as `make addon` does; `bundled` is a command to bring along."""
     folder = tempfile.mkdtemp(prefix="cloudvdb-addon-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     options = ["--binary", bundled] if bundled else []
     done = subprocess.run([sys.executable, "-I", PACKAGE / "build.py", "--output", folder, *options], stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, text=True)
