@@ -39,7 +39,7 @@ fi
 endef
 .ONESHELL:
 
-.PHONY: help demo build test bench scenes crosscheck crosscheck-speed lint clean build-packages test-packages rust
+.PHONY: help demo build test bench addon scenes crosscheck crosscheck-speed lint clean build-packages test-packages rust
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 26
@@ -48,7 +48,7 @@ demo: build ## A cumulus from the layout in scenes/, as out/cumulus.vdb and out/
 	mkdir -p out
 	target/release/cloudvdb scenes/cumulus.gltf -o out/cumulus.vdb -o out/cumulus.json --overwrite
 	density=$$(sed -n 's/.*"density_scale": *\([0-9.eE-]*\).*/\1/p' out/cumulus.json)
-	printf 'next: open out/cumulus.vdb in Blender (Add > Volume > Import OpenVDB); give it a Principled Volume with Density %.4g, Color white, Anisotropy 0.86 (README.md, "In Blender")\n' "$$density"
+	printf 'next: open out/cumulus.vdb in Blender (Add > Volume > Import OpenVDB); give it a Principled Volume with Density %.4g, Color white, Anisotropy 0.86 (README.md, "In Blender, by hand"; or the add-on: make addon)\n' "$$density"
 
 build: build-packages rust ## The command, target/release/cloudvdb
 	cargo build --release
@@ -59,6 +59,9 @@ test: build test-packages $(VENV)/.stamp ## All tests: Rust's, then those that u
 
 bench: build ## Criterion's benchmarks
 	cargo bench
+
+addon: build test-packages $(VENV)/.stamp ## The Blender add-on's zips in out/, the command inside; the extension validated
+	$(VENV)/bin/python -I blender_addon/build.py --output out --binary target/release/cloudvdb
 
 scenes: test-packages $(VENV)/.stamp ## Writes the scenes again, with Blender
 	$(VENV)/bin/python -I scenes/make_scenes.py

@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import bpy
+settings = bpy.context.scene.cloudvdb_settings
+
+settings.medium = 'AUTO'
+settings.detail = 'humilis'
+settings.detail_size = 0.0
+settings.detail_strength = 1.0
+settings.detail_octaves = 4
+settings.max_voxels = 4000000
