@@ -55,7 +55,7 @@ build: build-packages rust ## The command, target/release/cloudvdb
 
 test: build test-packages $(VENV)/.stamp ## All tests: Rust's, then those that use Blender and OpenVDB from Python
 	cargo test --release
-	$(PYTEST)
+	$(PYTEST) -n 2 --dist loadfile
 
 bench: build ## Criterion's benchmarks
 	cargo bench
