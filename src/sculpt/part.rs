@@ -199,7 +199,9 @@ fn of_family(threshold: f64, span: f64, fields: &Row, k: usize, p: DVec3, settin
         let inside = (1.0 - r * r * flatness).max(0.0);
         stiffness * inside * inside * inside
     };
-    let at = radius * (1.0 - (field.clamp(0.0, stiffness) / stiffness).cbrt()).max(0.0).sqrt();
+    // In single precision: what it is off by is in `still` too, and cancels.
+    let inside = f64::from(((field.clamp(0.0, stiffness) / stiffness) as f32).cbrt());
+    let at = radius * (1.0 - inside).max(0.0).sqrt();
     let still = field - lone(at);
     let voxel = setting.lattice.step.max_element();
     let above = ((p.z - setting.base) / voxel + 0.5).clamp(0.0, 1.0);
