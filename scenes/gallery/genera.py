@@ -26,15 +26,15 @@ import render as gallery
 SIZE = (400, 300)
 GAP = 6
 SIDE = 4800.0  # of the decks, m
-# Detail, medium (for decks), where the camera stands, what it looks at, its angle, exposure.
-HEAP = ((-150.0, -2150.0, 150.0), (-20.0, 0.0, 580.0), 28.5)
+# Detail, medium (for decks), where the camera stands, what it looks at, its angle, by how many stops it is brightened.
+HEAP = ((-150.0, -2150.0, 150.0), (-20.0, 0.0, 580.0), 28.5, 0.0)
 GENERA = [
     ("none", None, *HEAP),
     ("humilis", None, *HEAP),
     ("congestus", None, *HEAP),
-    ("stratocumulus:size=200", {"preset": "stratus"}, (0.0, -900.0, -800.0), (0.0, 900.0, 60.0), 60.0),
-    ("altocumulus:size=110", {"preset": "stratus"}, (0.0, -900.0, -900.0), (0.0, 900.0, 100.0), 60.0),
-    ("cirrus:size=170", {"sigma_t": 0.006, "albedo": 0.9999, "g": 0.77}, (0.0, -900.0, -900.0), (0.0, 900.0, 60.0), 60.0),
+    ("stratocumulus:size=200", {"preset": "stratus"}, (0.0, -900.0, -800.0), (0.0, 900.0, 60.0), 60.0, -0.6),
+    ("altocumulus:size=110", {"preset": "stratus"}, (0.0, -900.0, -900.0), (0.0, 900.0, 100.0), 60.0, 0.0),
+    ("cirrus:size=170", {"sigma_t": 0.006, "albedo": 0.9999, "g": 0.77}, (0.0, -900.0, -900.0), (0.0, 900.0, 60.0), 60.0, 0.0),
 ]
 
 
@@ -86,7 +86,7 @@ def main():
     pictures = []
     with tempfile.TemporaryDirectory() as folder:
         for number in arguments.only or range(len(GENERA)):
-            detail, medium, position, target, angle = GENERA[number]
+            detail, medium, position, target, angle, brighter = GENERA[number]
             gallery.layout()
             gallery.sky()
             if medium:
@@ -95,7 +95,7 @@ def main():
             path, report = voxelise(number, detail, medium, folder)
             gallery.cloud(path, report)
             path = os.path.join(folder, f"{number}.png")
-            gallery.render(arguments.samples, path, arguments.scale)
+            gallery.render(arguments.samples, path, arguments.scale, brighter)
             pictures.append(gallery.pixels(path))
         rows = [pictures[i:i + 3] for i in range(0, len(pictures), 3)]
         across = lambda row: np.concatenate([p for i, one in enumerate(row) for p in ([np.ones((one.shape[0], GAP, 4), np.float32)] if i else []) + [one]], axis=1)

@@ -94,7 +94,7 @@ def cloud(path, report):
     return volume
 
 
-def render(samples, path, scale):
+def render(samples, path, scale, brighter=0.0):
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     cycles = scene.cycles
@@ -106,7 +106,7 @@ def render(samples, path, scale):
     cycles.sample_clamp_indirect = 0.0
     cycles.volume_step_rate = 4.0  # 28 m, a third of a mean free path
     scene.view_settings.view_transform, scene.view_settings.look = "AgX", "AgX - High Contrast"
-    scene.view_settings.exposure = 2.15
+    scene.view_settings.exposure = 2.15 + brighter
     scene.render.dither_intensity = 0.0
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = *SIZE, scale
     scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGB"

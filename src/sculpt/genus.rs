@@ -57,10 +57,10 @@ impl Genus {
             },
             Genus::Stratocumulus => Character {
                 form: Form::Bumps { jitter: 0.9, mean: 0.280 },
-                amplitude: 0.6,
+                amplitude: 1.1,
                 gain: 0.45,
-                bias: -0.1,
-                stretch: DVec3::new(1.6, 1.0, 1.2),
+                bias: -0.3,
+                stretch: DVec3::new(2.0, 1.0, 1.3),
                 warp: 0.15,
                 base: 0.0,
                 edge: 0.12,
