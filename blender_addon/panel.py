@@ -213,13 +213,4 @@ def write(column, text, context):
 
 CLASSES = (CLOUDVDB_PT_cloud, CLOUDVDB_PT_notes, CLOUDVDB_PT_layout, CLOUDVDB_PT_result, CLOUDVDB_PT_medium, CLOUDVDB_PT_photons, CLOUDVDB_PT_output,
            CLOUDVDB_PT_animation, CLOUDVDB_PT_regions, CLOUDVDB_OT_use_cycles)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister():
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -46,13 +46,4 @@ def preferences(context):
 
 
 CLASSES = (CloudPreferences, CLOUDVDB_OT_check)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister():
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -35,13 +35,4 @@ class CLOUDVDB_OT_preset(AddPresetBase, bpy.types.Operator):
 
 
 CLASSES = (CLOUDVDB_MT_presets, CLOUDVDB_OT_preset)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister():
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -218,6 +218,7 @@ class CLOUDVDB_OT_show_layout(bpy.types.Operator):
 
 
 CLASSES = (CLOUDVDB_OT_bring_regions, CLOUDVDB_OT_import_regions, CLOUDVDB_OT_show_layout)
+register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
 def menu(self, context):
@@ -226,12 +227,10 @@ def menu(self, context):
 
 
 def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    register_classes()
     bpy.types.TOPBAR_MT_file_import.append(menu)
 
 
 def unregister():
     bpy.types.TOPBAR_MT_file_import.remove(menu)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    unregister_classes()

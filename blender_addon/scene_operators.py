@@ -107,6 +107,7 @@ class CLOUDVDB_OT_add_sun(bpy.types.Operator):
 
 
 CLASSES = (CLOUDVDB_OT_add_cumulus, CLOUDVDB_OT_scatter_field, CLOUDVDB_OT_sunbeams, CLOUDVDB_OT_add_sun)
+register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
 def menu(self, context):
@@ -115,12 +116,10 @@ def menu(self, context):
 
 
 def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    register_classes()
     bpy.types.VIEW3D_MT_volume_add.append(menu)
 
 
 def unregister():
     bpy.types.VIEW3D_MT_volume_add.remove(menu)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    unregister_classes()

@@ -110,11 +110,11 @@ class CloudRecord(bpy.types.PropertyGroup):
 
 
 CLASSES = (CloudSettings, LayoutItem, CloudRecord)
+register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
 def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    register_classes()
     bpy.types.Scene.cloudvdb_settings = PointerProperty(type=CloudSettings)
     bpy.types.Object.cloudvdb_record = PointerProperty(type=CloudRecord)
 
@@ -122,5 +122,4 @@ def register():
 def unregister():
     del bpy.types.Object.cloudvdb_record
     del bpy.types.Scene.cloudvdb_settings
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    unregister_classes()

@@ -172,11 +172,11 @@ def redraw(context):
 
 
 CLASSES = (CLOUDVDB_OT_synthesise, CLOUDVDB_OT_synthesise_sequence, CLOUDVDB_OT_cancel)
+register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
 def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    register_classes()
 
 
 def unregister():
@@ -184,5 +184,4 @@ def unregister():
     if running:
         running.cancel()
         running = None
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    unregister_classes()

@@ -1,7 +1,4 @@
-//! Turbulent detail: noise of many octaves that moves the boundary of a cloud and eats into its edge.
-//!
-//! The noise is FastNoise Lite's, in metres of the world: it does not know of voxels. Rounded bumps (cellular noise, the squared distance
-//! to the nearest of scattered points) heap up to cauliflowers; gradient noise makes rags; ridges along the wind make fibres.
+//! Turbulent detail as it is asked for: its kind, size and strength.
 
 use super::genus::Genus;
 

@@ -1,4 +1,8 @@
-//! Detail's noise, compiled, and how much of it a point needs.
+//! Turbulent detail: noise of many octaves that moves the boundary of a cloud and eats into its edge.
+//!
+//! The noise is FastNoise Lite's, in metres of the world: it does not know of voxels. Rounded bumps (cellular noise, the squared distance
+//! to the nearest of scattered points) heap up to cauliflowers; gradient noise makes rags; ridges along the wind make fibres.
+//! A point looks up no more octaves than it needs.
 
 use super::detail::{Detail, MOST_OCTAVES};
 use super::genus::{Character, Form};
