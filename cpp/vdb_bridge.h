@@ -27,6 +27,7 @@ namespace cloudvdb {
 struct MetaEntry;
 struct GridEntry;
 struct Found;
+struct Exam;
 
 /// Grids that wait to be written.
 class Draft {
@@ -65,6 +66,9 @@ void limit_threads(std::size_t threads);
 Found scan(rust::Slice<const std::uint8_t> path);
 std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEntry &grid, std::uint64_t max_voxels);
 std::uint64_t count_active(rust::Slice<const std::uint8_t> path, const GridEntry &grid);
+
+/// Looks at every value of a grid.
+Exam examine(rust::Slice<const std::uint8_t> path, const GridEntry &grid);
 
 /// How deep each sample lies under the surface of a closed mesh, in voxels, negative outside; positions are in index space.
 std::unique_ptr<Bricks> mesh_depth(rust::Slice<const double> points, rust::Slice<const std::uint32_t> triangles, float exterior,

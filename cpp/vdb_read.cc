@@ -89,6 +89,7 @@ GridEntry read_entry(GuardedStream &is, bool indexed, std::string &parent) {
         if (grid_at < is.tellg() || end_at < grid_at) throw std::runtime_error("the file is damaged (its index of grids points backwards)");
         is.seekg(grid_at);
     }
+    const auto begin = std::int64_t(is.tellg());
     grid.compression = is.number<std::uint32_t>();
     grid.metadata_at = std::int64_t(is.tellg());
     grid.metadata = read_metadata(is);
@@ -106,6 +107,7 @@ GridEntry read_entry(GuardedStream &is, bool indexed, std::string &parent) {
         if (!transform || !grid.checkable) throw std::runtime_error("the file has no index and cannot be read past a grid of type " + type);
         read_tree(is, grid);
     }
+    grid.bytes = std::int64_t(is.tellg()) - begin;
     return grid;
 }
 
@@ -115,7 +117,7 @@ Found scan(rust::Slice<const std::uint8_t> path) {
     return reading([&] {
         GuardedStream is(file_name(path));
         const Container container(is);
-        Found found{read_metadata(is), {}};
+        Found found{read_metadata(is), {}, container.fileVersion(), {container.libraryVersion().first, container.libraryVersion().second}};
         std::map<std::string, std::size_t> by_name;
         std::vector<std::string> parents;
         for (auto left = is.number<std::int32_t>(); left > 0; --left) {

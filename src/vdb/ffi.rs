@@ -41,6 +41,8 @@ mod bridge {
         compression: u32,
         /// Whether the tree has the usual shape, and values of a fixed size.
         checkable: bool,
+        /// What the grid takes of the file.
+        bytes: i64,
     }
 
     /// What a file holds.
@@ -48,6 +50,39 @@ mod bridge {
     struct Found {
         metadata: Vec<MetaEntry>,
         grids: Vec<GridEntry>,
+        /// The format's version, and the major and minor version of the OpenVDB that wrote it.
+        version: u32,
+        library: [u32; 2],
+    }
+
+    /// What a look at every value of a grid finds; vectors count by their mean.
+    #[derive(Debug, Clone)]
+    struct Exam {
+        /// Voxels and tiles that are active; of tiles all voxels.
+        active_voxels: u64,
+        leaves: u64,
+        tiles: u64,
+        /// Of the tree, in bytes.
+        memory: u64,
+        /// The smallest and the largest index of active voxels; nothing where none is active.
+        active: Vec<i32>,
+        /// Of active values that are finite; 0 where there are none.
+        lowest: f64,
+        highest: f64,
+        mean: f64,
+        /// Active values.
+        nan: u64,
+        infinite: u64,
+        negative: u64,
+        /// Inactive values other than 0 and the background.
+        inactive: u64,
+        background: f64,
+        /// Whether `column` and `flat` are known: tiles may span more than can be looked through.
+        measured: bool,
+        /// The largest sum of active values above 0 over a column of voxels, along each axis.
+        column: [f64; 3],
+        /// The share of columns that end within a 50th of the extent (at least a voxel) of the outermost: -x, +x, -y, +y, -z, +z.
+        flat: [f64; 6],
     }
 
     unsafe extern "C++" {
@@ -79,6 +114,8 @@ mod bridge {
         /// numbers each. At most `exterior` outside and `interior` inside; bricks that lie farther outside are left out.
         fn mesh_depth(points: &[f64], triangles: &[u32], exterior: f32, interior: f32, max_voxels: u64) -> Result<UniquePtr<Bricks>>;
         fn count_active(path: &[u8], grid: &GridEntry) -> Result<u64>;
+        /// Looks at every value of a grid that is checkable.
+        fn examine(path: &[u8], grid: &GridEntry) -> Result<Exam>;
         fn count(self: &Bricks) -> usize;
         /// The smallest and the largest index of active voxels, zeros included; nothing where none is active.
         fn active(self: &Bricks) -> Vec<i32>;

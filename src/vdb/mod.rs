@@ -5,6 +5,7 @@
 //! and a file that is cut short or damaged is an error.
 
 mod carry;
+mod exam;
 mod ffi;
 mod mesh;
 
@@ -19,6 +20,7 @@ use crate::error::{Error, Result};
 use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS, BrickGrid};
 
 pub use carry::Carried;
+pub use exam::{Columns, Contents, Exam, GridContents, Unread, examine};
 pub use mesh::mesh_distance;
 
 /// The most voxels that a grid may expand to when it is read (8 GiB of samples).
@@ -212,6 +214,16 @@ fn meta(entry: &ffi::MetaEntry) -> (String, Meta) {
     (entry.key.clone(), value)
 }
 
+/// What a file says of itself, without samples (where it has an index).
+fn scan(path: &Path) -> Result<ffi::Found> {
+    let unreadable = |reason: String| Error::File { file: path.into(), reason, fix: "Name a VDB file that can be read".into() };
+    let kind = std::fs::File::open(path).and_then(|file| file.metadata()).map_err(|error| unreadable(error.to_string()))?;
+    if !kind.is_file() {
+        return Err(unreadable("this is not a file".into()));
+    }
+    ffi::scan(path.as_os_str().as_encoded_bytes()).map_err(|error| Error::Vdb { file: path.into(), message: error.what().into() })
+}
+
 /// A VDB file whose table of contents was read.
 #[derive(Debug)]
 pub struct VdbFile {
@@ -227,14 +239,9 @@ impl VdbFile {
     /// # Errors
     /// [`Error::File`] when the file cannot be opened, [`Error::Vdb`] when it is not a VDB, damaged, or of a format from before 2013.
     pub fn open(path: &Path) -> Result<Self> {
-        let unreadable = |reason: String| Error::File { file: path.into(), reason, fix: "Name a VDB file that can be read".into() };
-        let kind = std::fs::File::open(path).and_then(|file| file.metadata()).map_err(|error| unreadable(error.to_string()))?;
-        if !kind.is_file() {
-            return Err(unreadable("this is not a file".into()));
-        }
         let vdb = |error: cxx::Exception| Error::Vdb { file: path.into(), message: error.what().into() };
         let bytes = path.as_os_str().as_encoded_bytes();
-        let found = ffi::scan(bytes).map_err(vdb)?;
+        let found = scan(path)?;
         let mut grids = Vec::with_capacity(found.grids.len());
         for entry in &found.grids {
             let mut info = describe(entry);
