@@ -30,11 +30,12 @@
 //! | [`voxelise`] | regions to voxels, their optical mass kept |
 //! | [`export`] | OpenVDB grids, regions as glTF, pictures, the report |
 //! | [`vdb`] | OpenVDB behind a safe interface; the only unsafe code is its bridge |
+//! | [`doctor`] | what would make a VDB look wrong or empty in Blender, and the fix |
 //! | [`study`] | the thesis's evaluation again, its tables beside ours |
 //! | [`cli`] | arguments, progress, signals, exit codes |
 //! | [`errata`] | no code: where the thesis is wrong, what it costs, and the experiments that show it |
 //!
-//! The core (everything but `import`, `export`, `vdb`, `pipeline`, `study` and `cli`) opens no file and prints nothing; it tells
+//! The core (everything but `import`, `export`, `vdb`, `doctor`, `pipeline`, `study` and `cli`) opens no file and prints nothing; it tells
 //! how far it is, and learns that it should stop, by [`progress::Progress`].
 //!
 //! # From the thesis's equations to functions
@@ -72,6 +73,7 @@
 
 pub mod bvh;
 pub mod cli;
+pub mod doctor;
 pub mod errata;
 pub mod error;
 pub mod export;

@@ -1,5 +1,6 @@
 //! The flags, and the job that they make.
 
+use super::doctor::DoctorArguments;
 use super::flux::FluxArguments;
 use super::scene::SceneArguments;
 use super::study::StudyArguments;
@@ -38,7 +39,8 @@ const EXAMPLES: &str = "Examples:
   cloudvdb smoke.vdb -o smoke.exr --sigma-t 25 --sun 1,0,-1
   cloudvdb flux cloud.glb                                where the light goes
   cloudvdb plan cloud.glb                                which effects are simulated, and why
-  cloudvdb study --paper scenes/hura2006*.gltf           the thesis's tables again";
+  cloudvdb study --paper scenes/hura2006*.gltf           the thesis's tables again
+  cloudvdb doctor cloud.vdb                              why a VDB looks wrong in Blender, and the fix";
 
 /// What else the command can do.
 #[derive(Debug, Subcommand)]
@@ -49,6 +51,8 @@ pub enum Command {
     Flux(FluxArguments),
     /// Run the thesis's tests again, and print its tables beside ours
     Study(StudyArguments),
+    /// Say what would make a VDB look wrong or empty in Blender, and the fix
+    Doctor(DoctorArguments),
     /// Print completions for a shell
     Completions {
         /// The shell

@@ -1,6 +1,7 @@
 //! The command: arguments to a job, progress to the terminal, results to stdout, errors to stderr.
 
 mod args;
+mod doctor;
 mod flux;
 mod progress;
 mod scene;
@@ -32,6 +33,10 @@ pub fn main() -> u8 {
             let style = arguments.manners.progress;
             finish(study::run(&arguments), style)
         }
+        Some(Command::Doctor(arguments)) => match doctor::run(&arguments) {
+            Ok(healthy) => u8::from(!healthy),
+            Err(error) => finish(Err(error), ProgressStyle::Bar),
+        },
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "cloudvdb", &mut text);
