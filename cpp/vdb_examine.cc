@@ -8,12 +8,12 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <unordered_map>
-#include <vector>
 
 namespace cloudvdb {
 
@@ -115,7 +115,7 @@ class Columns {
     }
 
     int axis_, u_, v_;
-    std::vector<Bundle> bundles_;
+    std::deque<Bundle> bundles_; // where they are, they stay
     std::unordered_map<std::uint64_t, std::size_t> places_;
 };
 

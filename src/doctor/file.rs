@@ -9,13 +9,13 @@ use crate::vdb::{self, Unread};
 use serde::Serialize;
 use std::path::Path;
 
-/// The version of the format since OpenVDB 3 (2014); Blender writes it too.
+/// The version of the format since OpenVDB 4 (2016).
 const CURRENT: u32 = 224;
 
 /// What wrote a file.
 #[derive(Debug, Clone, Serialize)]
 pub struct Format {
-    /// The version of the format: 224 since 2014.
+    /// The version of the format: 224 since 2016.
     pub version: u32,
     /// The OpenVDB that wrote it: `10.0`.
     pub library: String,
@@ -44,7 +44,7 @@ pub fn examine(path: &Path) -> Result<Report> {
             "old-format",
             Severity::Hint,
             format!(
-                "The format's version is {} (before 2014), now it is {CURRENT}. Blender reads it; newer tools may not.",
+                "The format's version is {}, from before 2016; now it is {CURRENT}. Blender reads it, small readers may not.",
                 contents.version
             ),
             "Save it again with any program of today",

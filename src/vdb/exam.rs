@@ -7,7 +7,7 @@ use std::path::Path;
 /// A file, with each of its grids looked through.
 #[derive(Debug, Clone)]
 pub struct Contents {
-    /// The version of the format: 224 since 2014.
+    /// The version of the format: 224 since 2016.
     pub version: u32,
     /// The major and the minor version of the OpenVDB that wrote the file.
     pub library: [u32; 2],

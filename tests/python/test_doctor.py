@@ -94,7 +94,8 @@ for axis, name in ((1, "y"), (2, "z")):
     half[tuple(slice(None) if a != axis else slice(0, 10) for a in range(3))] = 0
     write("base_" + name, ball(values=half))
     if name == "y":
-        write("turned", ball(values=half, transform=vdb.createLinearTransform([[0.1, 0, 0, 0], [0, 0, 0.1, 0], [0, -0.1, 0, 0], [0, 0, 0, 1]])))
+        upright = vdb.createLinearTransform([[0.1, 0, 0, 0], [0, 0, 0.1, 0], [0, -0.1, 0, 0], [0, 0, 0, 1]])
+        write("turned", ball(values=half, transform=upright))
 box = np.zeros((24, 24, 24))
 box[4:20, 4:20, 4:20] = 1
 write("box", ball(values=box))
@@ -131,6 +132,7 @@ write("fixed_times_0.0009", ball(values=BALL * 9e-4 * 1111))
 # What is found, problems with a mark. A pair is on either side of a rule.
 FOUND = {
     "ball": [],
+    "old": ["old-format"],
     "named_smoke": ["!no-density"],
     "named_Density": ["!no-density"],
     "named_": ["!unnamed"],
@@ -203,6 +205,10 @@ def debian(script, *arguments):
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("files")
     debian(MAKE, folder)
+    old = bytearray((folder / "ball.vdb").read_bytes())
+    # The format before, which differs in nothing that this file has.
+    old[8:12] = (223).to_bytes(4, "little")
+    (folder / "old.vdb").write_bytes(old)
     return folder
 
 
@@ -302,8 +308,9 @@ out["most_bounces"] = scene.cycles.bl_rna.properties["volume_bounces"].hard_max
 out["default_bounces"] = [scene.cycles.bl_rna.properties[k].default for k in ("volume_bounces", "max_bounces")]
 
 def frames(names):
-    bpy.ops.object.volume_import(filepath=os.path.join(given["folder"], "sequences", names[0]), directory=os.path.join(given["folder"], "sequences"),
-                                 files=[{"name": name} for name in names], relative_path=False)
+    folder = os.path.join(given["folder"], "sequences")
+    bpy.ops.object.volume_import(filepath=os.path.join(folder, names[0]), directory=folder, files=[{"name": name} for name in names],
+                                 relative_path=False)
     volume, shown = bpy.context.object, []
     for frame in (1, 2):
         scene.frame_set(frame)
@@ -320,7 +327,7 @@ out["clip_end"] = [bpy.data.cameras[0].clip_end, bpy.data.cameras.new("New").cli
 """
 
 LOOKS = {name: (name, {}) for name in (
-    "ball", "named_smoke", "named_Density", "named_", "twice", "levelset", "background", "times_0.0009", "inf", "negative", "off_1", "empty",
+    "ball", "old", "named_smoke", "named_Density", "named_", "twice", "levelset", "background", "times_0.0009", "inf", "negative", "off_1", "empty",
     "zeros", "all_off", "mirrored", "frustum", "vectors", "bools", "across_0.02", "fixed_unnamed", "fixed_inf", "fixed_background",
     "fixed_mirrored", "fixed_times_0.0009")}
 LOOKS |= {
@@ -357,7 +364,7 @@ def test_blender_agrees(cloudvdb, files, version):
     assert shows["ball"] == pytest.approx(0.83, abs=0.04)
     for nothing in ("named_smoke", "named_Density", "named_", "no attribute", "empty", "zeros", "all_off", "times_0.0009", "dense", "second"):
         assert alpha[nothing].max() < 0.02, nothing
-    for whole in ("attribute", "dense, no clipping", "above clipping", "negative", "vectors", "bools", "aside", "fixed_unnamed", "fixed_inf",
+    for whole in ("old", "attribute", "dense, no clipping", "above clipping", "negative", "vectors", "bools", "aside", "fixed_unnamed", "fixed_inf",
                   "fixed_background", "fixed_mirrored", "fixed_times_0.0009", "twice"):
         assert same(whole) or whole == "fixed_mirrored" and same(whole, within=0.2), whole
     assert shows["levelset"] < 0.6 * shows["ball"] and not same("levelset", within=0.3)
@@ -406,13 +413,14 @@ write("again", grid)
         assert not {"thin", "!thin", "!thick"} & set(ids(doctor(cloudvdb, tmp_path / "again.vdb"))), name
 
 
-@pytest.mark.parametrize("flags", [[], ["--density", "source", "--float32"], ["--up", "y"], ["--grids", "density,source"]])
-def test_what_cloudvdb_writes_is_healthy(cloudvdb, scenes, tmp_path, flags):
-    for scene in ("cumulus.gltf", "two_spheres.gltf", "slab.gltf"):
-        cloudvdb.make(scenes / scene, tmp_path, *flags, "--photons", "20k", "--overwrite")
-        found = doctor(cloudvdb, tmp_path / "out.vdb")
-        assert found["healthy"] and found["optical_depth"]["density_from"] == "density_scale", found["findings"]
-        assert set(ids(found)) <= {"bounces", "clip-end", "y-up", "thin", "texture-size"}, ids(found)
+@pytest.mark.parametrize("scene, flags", [
+    ("cumulus", ["--grids", "density,source"]), ("cumulus", ["--density", "source", "--float32"]), ("cumulus", ["--up", "y"]),
+    ("two_spheres", []), ("slab", [])])
+def test_what_cloudvdb_writes_is_healthy(cloudvdb, scenes, tmp_path, scene, flags):
+    cloudvdb.make(scenes / f"{scene}.gltf", tmp_path, *flags, "--photons", "20k")
+    found = doctor(cloudvdb, tmp_path / "out.vdb")
+    assert found["healthy"] and found["optical_depth"]["density_from"] == "density_scale", found["findings"]
+    assert set(ids(found)) <= {"bounces", "clip-end", "y-up"}, ids(found)
 
 
 def test_unreadable_files_are_sentences(cloudvdb, files, tmp_path):
@@ -426,9 +434,6 @@ def test_unreadable_files_are_sentences(cloudvdb, files, tmp_path):
     old[8:12] = (215).to_bytes(4, "little")
     (tmp_path / "old.vdb").write_bytes(old)
     cloudvdb.refuse("doctor", tmp_path / "old.vdb", says=["215", "222"])
-    old[8:12] = (223).to_bytes(4, "little")
-    (tmp_path / "old.vdb").write_bytes(old)
-    assert "old-format" in ids(doctor(cloudvdb, tmp_path / "old.vdb"))
     for cut in range(1, len(whole), len(whole) // 12):
         (tmp_path / "cut.vdb").write_bytes(whole[:cut])
         cloudvdb.refuse("doctor", tmp_path / "cut.vdb", says=["cut.vdb"], folder=tmp_path)
