@@ -34,7 +34,8 @@ fn main() {
 
     let mut build = cxx_build::bridge("src/vdb/ffi.rs");
     build.files(
-        ["chunks", "vdb_bridge", "vdb_carry", "vdb_container", "vdb_examine", "vdb_mesh", "vdb_read"].map(|name| format!("cpp/{name}.cc")),
+        ["aborted", "chunks", "vdb_bridge", "vdb_carry", "vdb_container", "vdb_examine", "vdb_mesh", "vdb_read"]
+            .map(|name| format!("cpp/{name}.cc")),
     );
     if std::env::var_os("CARGO_FEATURE_BENCH_BASELINE").is_some() {
         build.file("cpp/bench_baseline.cc");

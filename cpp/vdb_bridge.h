@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <exception>
 #include <memory>
+#include <new>
 
 #include "rust/cxx.h"
 
@@ -14,6 +15,8 @@ namespace behavior {
 template <typename Try, typename Fail>
 static void trycatch(Try &&attempt, Fail &&fail) noexcept try {
     attempt();
+} catch (const std::bad_alloc &) {
+    fail("there is not enough memory. Free some, raise its limit (ulimit -v), or take fewer voxels");
 } catch (const std::exception &error) {
     fail(error.what());
 } catch (...) {
@@ -63,6 +66,8 @@ std::unique_ptr<Draft> new_draft();
 
 // Keeps OpenVDB's own threads to so many, from now on.
 void limit_threads(std::size_t threads);
+// Calls `last` when the process aborts; where that comes back, the process ends with exit code 1.
+void on_abort(rust::Fn<void()> last);
 Found scan(rust::Slice<const std::uint8_t> path);
 std::unique_ptr<Bricks> load(rust::Slice<const std::uint8_t> path, const GridEntry &grid, std::uint64_t max_voxels);
 std::uint64_t count_active(rust::Slice<const std::uint8_t> path, const GridEntry &grid);

@@ -77,12 +77,23 @@ pub enum Error {
         /// OpenVDB's message.
         message: String,
     },
+    /// What the machine does not give: memory, threads.
+    #[error("{reason}. {fix}")]
+    Machine {
+        /// What is wanting.
+        reason: String,
+        /// What the user can do about it.
+        fix: String,
+    },
     /// Flags that make no sense together; exit code 2.
     #[error("{0}")]
     Usage(String),
     /// Stopped by Ctrl-C or a signal; exit code 130. Nothing was written.
     #[error("interrupted; nothing was written")]
     Interrupted,
+    /// Stopped by Ctrl-C or a signal when the files were in their places already; exit code 130.
+    #[error("interrupted after the files were written")]
+    InterruptedLate,
 }
 
 impl Error {
@@ -98,7 +109,7 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Usage(_) => 2,
-            Error::Interrupted => 130,
+            Error::Interrupted | Error::InterruptedLate => 130,
             _ => 1,
         }
     }

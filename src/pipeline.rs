@@ -117,6 +117,6 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
         staged.add(target, |path| report.write(path))?;
     }
     progress.check()?;
-    staged.commit()?;
+    staged.commit(job.overwrite)?;
     Ok(report)
 }

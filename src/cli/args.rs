@@ -31,6 +31,18 @@ pub struct Arguments {
     pub run: Run,
 }
 
+impl Arguments {
+    /// How progress and errors are told.
+    pub fn progress(&self) -> ProgressStyle {
+        match &self.command {
+            None => self.run.manners.progress,
+            Some(Command::Flux(flux)) => flux.manners.progress,
+            Some(Command::Study(study)) => study.manners.progress,
+            Some(_) => ProgressStyle::Bar,
+        }
+    }
+}
+
 const EXAMPLES: &str = "Examples:
   cloudvdb cloud.glb -o cloud.vdb                        the main job
   cloudvdb cloud.glb -o cloud.vdb -o report.json         and its report

@@ -19,38 +19,34 @@ use clap::{CommandFactory, Parser};
 use progress::Watch;
 use std::io::Write;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 /// Runs the command that the process was started with; returns its exit code.
 pub fn main() -> u8 {
     let arguments = Arguments::parse();
+    let style = arguments.progress();
+    if let Err(error) = signals::prepare(style) {
+        return finish(Err(error), style);
+    }
     match arguments.command {
-        Some(Command::Plan(plan)) => finish(show_plan(&plan), ProgressStyle::Bar),
-        Some(Command::Flux(arguments)) => {
-            let style = arguments.manners.progress;
-            finish(flux::run(&arguments), style)
-        }
-        Some(Command::Study(arguments)) => {
-            let style = arguments.manners.progress;
-            finish(study::run(&arguments), style)
-        }
+        Some(Command::Plan(plan)) => finish(show_plan(&plan), style),
+        Some(Command::Flux(arguments)) => finish(flux::run(&arguments), style),
+        Some(Command::Study(arguments)) => finish(study::run(&arguments), style),
         Some(Command::Doctor(arguments)) => match doctor::run(&arguments) {
             Ok(healthy) => u8::from(!healthy),
-            Err(error) => finish(Err(error), ProgressStyle::Bar),
+            Err(error) => finish(Err(error), style),
         },
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "cloudvdb", &mut text);
-            finish(print(&text), ProgressStyle::Bar)
+            finish(print(&text), style)
         }
         Some(Command::Man) => {
             let mut text = Vec::new();
             let rendered = clap_mangen::Man::new(Arguments::command()).render(&mut text);
-            finish(rendered.map_err(stdout_failed).and_then(|()| print(&text)), ProgressStyle::Bar)
+            finish(rendered.map_err(stdout_failed).and_then(|()| print(&text)), style)
         }
-        None => {
-            let style = arguments.run.manners.progress;
-            finish(run(&arguments.run), style)
-        }
+        None => finish(run(&arguments.run), style),
     }
 }
 
@@ -80,15 +76,24 @@ fn watched(&Manners { threads, progress: style, quiet }: &Manners) -> Result<Wat
     }
     let watch = Watch::new(style, quiet);
     signals::watch(watch.cancelled_flag(), style)?;
+    start(threads)?;
     if let Some(threads) = threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-        pool.map_err(|e| Error::Usage(format!("--threads {threads}: {e}")))?;
         crate::export::vdb::limit_threads(threads);
     }
     Ok(watch)
 }
 
+/// Starts so many threads, or one for each core, before anything asks for them and cannot say that they are not to be had.
+fn start(threads: Option<usize>) -> Result<(), Error> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build_global();
+    pool.map_err(|e| Error::Machine {
+        reason: format!("threads cannot be started ({e})"),
+        fix: "Use fewer --threads, free memory, or raise the limits of memory and of processes (ulimit -v, ulimit -u)".into(),
+    })
+}
+
 fn show_plan(arguments: &PlanArguments) -> Result<(), Error> {
+    start(None)?;
     let layout = import::load(&arguments.input, &arguments.scene.import(), &Silent)?;
     let plan = Plan::for_scene(&layout.scene, arguments.density.into());
     let text = if arguments.json {
@@ -134,9 +139,20 @@ fn finish(result: Result<(), Error>, style: ProgressStyle) -> u8 {
     error.exit_code()
 }
 
+/// Says why the process ends; once, whoever ends it.
 fn complain(error: &Error, style: ProgressStyle) {
+    static SAID: Mutex<bool> = Mutex::new(false);
+    let mut said = SAID.lock().unwrap_or_else(PoisonError::into_inner);
+    if !*said {
+        *said = true;
+        say(&words(error, style));
+    }
+}
+
+/// An error as it is told.
+fn words(error: &Error, style: ProgressStyle) -> String {
     match style {
-        ProgressStyle::Json => event(&serde_json::json!({"event": "error", "message": error.to_string(), "code": error.exit_code()})),
-        ProgressStyle::Bar => say(&format!("cloudvdb: {error}")),
+        ProgressStyle::Json => serde_json::json!({"event": "error", "message": error.to_string(), "code": error.exit_code()}).to_string(),
+        ProgressStyle::Bar => format!("cloudvdb: {error}"),
     }
 }

@@ -39,12 +39,14 @@ impl Watch {
         if visible && style == ProgressStyle::Bar {
             // Stages that cannot tell how far they are (reading, OpenVDB writing) get their bar too.
             let stage = Arc::clone(&watch.stage);
-            std::thread::spawn(move || {
+            let showing = move || {
                 loop {
                     std::thread::sleep(BEAT);
                     stage.lock().unwrap_or_else(PoisonError::into_inner).show(0);
                 }
-            });
+            };
+            // Where no thread is to be had, they go without.
+            let _ = std::thread::Builder::new().spawn(showing);
         }
         watch
     }

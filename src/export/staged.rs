@@ -2,26 +2,55 @@
 
 use crate::error::{Error, Result};
 use std::fs::Permissions;
+use std::io::ErrorKind;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
-use tempfile::TempPath;
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+use tempfile::{PathPersistError, TempPath};
 
-/// What to remove should the process have to end at once.
-static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-static RENAMING: AtomicBool = AtomicBool::new(false);
+/// What the process has in folders of the user. Held while a file is made and while files are renamed, so that whoever ends the
+/// process from outside finds either all targets replaced or none.
+static PENDING: Mutex<Pending> = Mutex::new(Pending { temporary: Vec::new(), written: false });
 
-/// Removes every temporary file of this process, for whoever ends it from outside. `false` while files are being renamed:
-/// then the run is over in a moment, and must not be stopped between two targets.
-pub fn abandon() -> bool {
-    if RENAMING.load(Ordering::SeqCst) {
-        return false;
+struct Pending {
+    /// What to remove should the process have to end at once.
+    temporary: Vec<PathBuf>,
+    /// Whether files have been renamed to their targets.
+    written: bool,
+}
+
+impl Pending {
+    fn remove(&self) {
+        for path in &self.temporary {
+            let _ = std::fs::remove_file(path);
+        }
     }
-    for path in TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
-        let _ = std::fs::remove_file(path);
-    }
-    true
+}
+
+fn pending() -> MutexGuard<'static, Pending> {
+    PENDING.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes every temporary file of this process, for whoever ends it from outside at once; `tell` hears whether the targets were
+/// written already. From then on no file is made or renamed: whoever tries to waits for the end.
+pub fn abandon(tell: impl FnOnce(bool)) {
+    let pending = pending();
+    pending.remove();
+    tell(pending.written);
+    // What was to be written may have been opened again meanwhile.
+    pending.remove();
+    std::mem::forget(pending);
+}
+
+/// As [`abandon`], for whoever can neither wait nor take memory: what is being renamed at that moment stays.
+pub fn abandon_at_once() {
+    let pending = match PENDING.try_lock() {
+        Ok(pending) => pending,
+        Err(TryLockError::Poisoned(error)) => error.into_inner(),
+        Err(TryLockError::WouldBlock) => return,
+    };
+    pending.remove();
+    std::mem::forget(pending);
 }
 
 /// Files that are written and wait to be renamed to their targets.
@@ -54,6 +83,7 @@ impl Staged {
                 return wrong(&format!("there is no folder {}", folder.display()), "Make it first, or name another one");
             }
             // Whether the folder takes a file is known only by making one.
+            let _held = pending();
             temporary(target)?;
         }
         Ok(())
@@ -64,8 +94,10 @@ impl Staged {
     /// # Errors
     /// What `write` says, with the target's name in place of the temporary one; and when no file can be made there.
     pub fn add(&mut self, target: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+        let mut pending = pending();
         let path = temporary(target)?;
-        TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_path_buf());
+        pending.temporary.push(path.to_path_buf());
+        drop(pending);
         write(&path).map_err(|error| match error {
             Error::Write { reason, fix, .. } => Error::Write { target: target.into(), reason, fix },
             Error::Vdb { message, .. } => Error::Vdb { file: target.into(), message },
@@ -75,22 +107,42 @@ impl Staged {
         Ok(())
     }
 
-    /// Renames every file to its target.
+    /// Renames every file to its target; without `overwrite` all of them or none.
     ///
     /// # Errors
-    /// [`Error::Write`] when a target cannot be replaced.
-    pub fn commit(self) -> Result<()> {
-        RENAMING.store(true, Ordering::SeqCst);
-        let renamed = self.files.into_iter().try_for_each(|(path, target)| {
-            path.persist(&target).map_err(|e| Error::Write {
-                target,
-                reason: e.error.to_string(),
-                fix: "Check the folder and its permissions".into(),
-            })
-        });
-        TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner).clear();
-        RENAMING.store(false, Ordering::SeqCst);
-        renamed
+    /// [`Error::Write`] when a target cannot be replaced, or has appeared since [`Staged::check`] and may not be.
+    pub fn commit(self, overwrite: bool) -> Result<()> {
+        let mut pending = pending();
+        let mut placed = Vec::new();
+        for (path, target) in self.files {
+            if let Err(failed) = rename(path, &target, overwrite) {
+                if !overwrite {
+                    // These were not there before.
+                    placed.iter().for_each(|target| _ = std::fs::remove_file(target));
+                }
+                let (reason, fix) = match failed.error.kind() {
+                    ErrorKind::AlreadyExists => {
+                        ("was written by someone else meanwhile".into(), "Use --overwrite to replace it, or name another file")
+                    }
+                    _ => (failed.error.to_string(), "Check the folder and its permissions"),
+                };
+                return Err(Error::Write { target, reason, fix: fix.into() });
+            }
+            placed.push(target);
+        }
+        *pending = Pending { temporary: Vec::new(), written: true };
+        Ok(())
+    }
+}
+
+fn rename(path: TempPath, target: &Path, overwrite: bool) -> std::result::Result<(), PathPersistError> {
+    if overwrite {
+        return path.persist(target);
+    }
+    match path.persist_noclobber(target) {
+        // Not every file system can rename without replacing; there a look before has to do.
+        Err(failed) if failed.error.kind() != ErrorKind::AlreadyExists && !target.exists() => failed.path.persist(target),
+        renamed => renamed,
     }
 }
 
@@ -150,8 +202,21 @@ mod tests {
         std::fs::write(&a, "old").unwrap();
         let mut staged = Staged::default();
         staged.add(&a, |p| write_bytes(p, b"new")).unwrap();
-        staged.commit().unwrap();
+        staged.commit(true).unwrap();
         assert_eq!(std::fs::read_to_string(&a).unwrap(), "new");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_target_that_appears_meanwhile_is_kept_and_the_others_are_not_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let targets = ["a.json", "b.json", "c.json"].map(|name| folder.path().join(name));
+        let mut staged = Staged::default();
+        targets.iter().for_each(|target| staged.add(target, |p| write_bytes(p, b"new")).unwrap());
+        std::fs::write(&targets[1], "theirs").unwrap();
+        let error = staged.commit(false).unwrap_err().to_string();
+        assert!(error.contains("b.json") && error.contains("--overwrite"), "{error}");
+        assert_eq!(std::fs::read_to_string(&targets[1]).unwrap(), "theirs");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 

@@ -23,7 +23,10 @@ pub(super) fn names(part: Part, given: &Given) -> Vec<String> {
 }
 
 /// The files of a study, all of them or none.
-pub(super) struct Files<'a>(&'a Path);
+pub(super) struct Files<'a> {
+    folder: &'a Path,
+    overwrite: bool,
+}
 
 /// The names of the tables.
 const TABLES: [&str; 3] = ["tests.csv", "savings.csv", "study.json"];
@@ -32,23 +35,24 @@ impl<'a> Files<'a> {
     /// Looks at the folder before any work is done.
     pub fn of(job: &'a Job, parts: &[(Part, &Given)]) -> Result<Option<Self>> {
         let Some(folder) = &job.output else { return Ok(None) };
+        let files = Files { folder, overwrite: job.overwrite };
         let wrong = |reason: &str, fix: &str| Err(Error::Write { target: folder.clone(), reason: reason.into(), fix: fix.into() });
         if !folder.exists() {
             let above = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            return if above.is_dir() { Ok(Some(Files(folder))) } else { wrong("the folder above it is not there", "Make it first") };
+            return if above.is_dir() { Ok(Some(files)) } else { wrong("the folder above it is not there", "Make it first") };
         }
         if !folder.is_dir() {
             return wrong("is a file, and a study is written into a folder", "Name a folder: -o study/");
         }
         let names = parts.iter().flat_map(|&(part, given)| names(part, given));
-        let files: Vec<PathBuf> = names.chain(TABLES.map(String::from)).map(|name| folder.join(name)).collect();
-        Staged::check(&files, job.overwrite)?;
-        Ok(Some(Files(folder)))
+        let targets: Vec<PathBuf> = names.chain(TABLES.map(String::from)).map(|name| folder.join(name)).collect();
+        Staged::check(&targets, job.overwrite)?;
+        Ok(Some(files))
     }
 
     /// Writes all of them, and the folder where it is not there.
     pub fn write(&self, findings: &Findings, pictures: &[(String, Film)], progress: &dyn Progress) -> Result<()> {
-        let folder = self.0;
+        let folder = self.folder;
         let made = !folder.exists();
         let failed = |e: std::io::Error| Error::Write {
             target: folder.into(),
@@ -60,7 +64,7 @@ impl<'a> Files<'a> {
         }
         let written = self.stage(findings, pictures).and_then(|staged| {
             progress.check()?;
-            staged.commit()
+            staged.commit(self.overwrite)
         });
         if made && written.is_err() {
             // Only an empty folder goes.
@@ -72,11 +76,11 @@ impl<'a> Files<'a> {
     fn stage(&self, findings: &Findings, pictures: &[(String, Film)]) -> Result<Staged> {
         let mut staged = Staged::default();
         for (name, film) in pictures {
-            staged.add(&self.0.join(name), |path| png::write(path, film, 0.0))?;
+            staged.add(&self.folder.join(name), |path| png::write(path, film, 0.0))?;
         }
         let tables = [findings.tests_csv(), findings.savings_csv(), findings.json() + "\n"];
         for (name, text) in TABLES.iter().zip(tables) {
-            staged.add(&self.0.join(name), |path| write_bytes(path, text.as_bytes()))?;
+            staged.add(&self.folder.join(name), |path| write_bytes(path, text.as_bytes()))?;
         }
         Ok(staged)
     }

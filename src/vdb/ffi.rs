@@ -89,6 +89,8 @@ mod bridge {
         include!("cloudvdb/cpp/vdb_bridge.h");
 
         fn limit_threads(threads: usize) -> Result<()>;
+        /// Calls `last` when the process aborts.
+        fn on_abort(last: fn());
 
         type Draft;
         fn new_draft() -> Result<UniquePtr<Draft>>;

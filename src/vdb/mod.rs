@@ -130,6 +130,11 @@ pub fn limit_threads(threads: usize) {
     let _ = ffi::limit_threads(threads);
 }
 
+/// Calls `last` when the process aborts, in place of what the system would do; it must take no memory, and end the process.
+pub fn on_abort(last: fn()) {
+    ffi::on_abort(last);
+}
+
 /// Where the file's UUID stands in its header, 36 bytes of text: behind the magic number, two versions and a flag.
 const UUID_AT: usize = 21;
 
