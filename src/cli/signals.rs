@@ -14,7 +14,7 @@ use std::time::Duration;
 
 /// The time that a stage has to notice: some calls (OpenVDB writing, a tree being built) cannot be interrupted.
 const GRACE: Duration = Duration::from_millis(100);
-/// The time that the last sentence has to be taken by whoever reads stderr.
+/// The time that the end has: for its sentence to be taken by whoever reads stderr, and for files to be removed.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// What is said when the process aborts; made before, because then there may be no memory for words.
@@ -35,7 +35,13 @@ pub fn prepare(style: ProgressStyle) -> Result<(), Error> {
 
 /// Runs within the call that aborts, Rust's for memory or C++'s for an exception that nothing can catch.
 fn aborting() {
-    staged::abandon_at_once();
+    static BEGUN: AtomicBool = AtomicBool::new(false);
+    if BEGUN.swap(true, Ordering::SeqCst) {
+        // Another thread is at it, and ends the process; or this one was, and aborted again.
+        std::thread::sleep(PATIENCE);
+    } else {
+        staged::abandon_at_once();
+    }
     LAST_WORDS.get().into_iter().for_each(|text| say(text));
     signal_hook::low_level::exit(1);
 }

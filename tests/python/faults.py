@@ -92,7 +92,8 @@ class Folder:
         states, expected = self.states(old), "new" if code == 0 or late else "old"
         assert states == [expected] * len(self.targets), (code, states, err)
         assert self.left() == [], (code, self.left(), err)
-        assert "panicked" not in err, err
+        # The start of a thread without memory panics within Rust's own library, and aborts.
+        assert "panicked" not in err or "alternative stack" in err, err
 
 
 def ancient(name):
