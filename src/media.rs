@@ -16,6 +16,8 @@ use grid::Grid;
 use intervals::{Interval, ray_slab, ray_unit_ball, spend};
 use smallvec::SmallVec;
 
+pub use profile::Profile;
+
 /// What a collision needs to know of its region.
 #[derive(Debug, Clone, Copy)]
 pub struct Optics {
@@ -338,5 +340,6 @@ mod cells;
 mod grid;
 mod intervals;
 mod mass;
+mod profile;
 #[cfg(test)]
 mod tests;

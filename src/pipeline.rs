@@ -25,7 +25,7 @@ pub use account::Clock;
 pub use balance::{Balance, BalanceJob, balance};
 pub use format::{Format, check_gather, usual_density};
 pub use pass1::Pass1;
-pub use picture::{Picture, lit, take};
+pub use picture::{Picture, lit, take, take_to};
 
 /// One run: what to read, what to do, what to write.
 #[derive(Debug, Clone)]
@@ -100,7 +100,11 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     }
     if let Some(framed) = framed {
         let scene = lit(&layout.scene, &written, job.density);
-        let (film, render) = take(&scene, &framed, &job.picture.settings(&framed, job.photons, &job.duality), pass1, progress)?;
+        let settings = job.picture.settings(&framed, job.photons, &job.duality);
+        let (film, render) = match job.picture.error {
+            Some(error) => take_to(error, &scene, &framed, &settings, progress)?,
+            None => take(&scene, &framed, &settings, pass1, progress)?,
+        };
         report.notes.extend(job.picture.note(&scene));
         report.render = Some(render);
         clock.end("render");

@@ -404,7 +404,7 @@ fn the_duality_of_a_vdb_is_written_lit_and_balanced() {
         photons: 20_000,
         duality: Duality { model, ..Duality::default() },
         vdb: VdbOptions { voxel_size: None, max_voxels: 1 << 22, up: Up::Z, half: false, grids: vec![GridName::Density] },
-        picture: Picture { spp: 4, ..Picture::default() },
+        picture: Picture { spp: Some(4), ..Picture::default() },
         dry_run: false,
     };
     for model in [Model::Physical, Model::Hura2006] {

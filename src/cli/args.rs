@@ -54,6 +54,9 @@ const EXAMPLES: &str = "Examples:
   cloudvdb study --paper scenes/hura2006*.gltf           the thesis's tables again
   cloudvdb doctor cloud.vdb                              why a VDB looks wrong in Blender, and the fix";
 
+/// Voxels in less memory than this say nothing, bytes.
+const LEAST_MEMORY: u64 = 16_000_000;
+
 /// What else the command can do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -129,9 +132,16 @@ pub struct Run {
     /// How light is followed in a picture
     #[arg(long, value_enum, default_value_t = IntegratorArgument::Path)]
     pub integrator: IntegratorArgument,
-    /// Samples a pixel of a picture
-    #[arg(long, value_name = "N", default_value = "64", value_parser = count)]
-    pub spp: u64,
+    /// Samples a pixel of a picture [default: 64; 16 with --integrator grid]
+    #[arg(long, value_name = "N", value_parser = count)]
+    pub spp: Option<u64>,
+    /// Go on until a pixel of a picture is known to so many per cent: 5%. It sets the samples, and the
+    /// grid integrator's photons
+    #[arg(long, value_name = "PERCENT", value_parser = percent, conflicts_with = "spp")]
+    pub error: Option<f64>,
+    /// What the voxels of the grid integrator may take, in bytes
+    #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = count)]
+    pub memory: u64,
     /// Where the photon integrator looks for photons: at points along a ray, or along the whole of it
     #[arg(long, value_enum, default_value_t = GatherArgument::March)]
     pub gather: GatherArgument,
@@ -178,9 +188,19 @@ impl Run {
         if self.photons > u64::from(u32::MAX) {
             return usage("--photons can be at most 4294967295");
         }
-        let Some(spp) = u32::try_from(self.spp).ok().filter(|&n| n > 0) else {
-            return usage("--spp must be from 1 to 4294967295");
+        let spp = match self.spp.map(u32::try_from) {
+            None => None,
+            Some(Ok(n)) if n > 0 => Some(n),
+            _ => return usage("--spp must be from 1 to 4294967295"),
         };
+        if self.memory < LEAST_MEMORY {
+            return usage("--memory: the voxels of the grid integrator need at least 16M (bytes)");
+        }
+        if self.error.is_some() && self.integrator == IntegratorArgument::Photon {
+            return usage(
+                "--error: what stored photons blur is in no stated error: use --integrator grid or path, or --photons and --estimate",
+            );
+        }
         let mut grids: Vec<GridName> = self.grids.iter().map(|&g| g.into()).collect();
         grids.sort_unstable_by_key(|g| g.as_str());
         grids.dedup();
@@ -202,6 +222,8 @@ impl Run {
             picture: Picture {
                 integrator: self.integrator.into(),
                 spp,
+                error: self.error,
+                memory: self.memory,
                 gather: self.gather.into(),
                 step: self.step,
                 shadow_rays: self.shadow_rays,
@@ -265,7 +287,8 @@ argument!(/// `--placement`
 argument!(/// `--integrator`
     IntegratorArgument for Integrator { /// the reference: unbiased path tracing
         Path, /// the thesis's pass 2: sunlight that scattered once, and stored photons for the rest
-        Photon });
+        Photon, /// photons' light toward the camera in voxels, smoothed: hundreds of times faster
+        Grid });
 argument!(/// `--gather`
     GatherArgument for Gathering { /// the nearest at points along a ray (the thesis)
         March, /// all along a ray, each photon a ball
@@ -300,6 +323,14 @@ pub(super) fn length(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err(format!("{text:?} is not a length in metres above 0")),
+    }
+}
+
+/// A relative error, given in per cent.
+fn percent(text: &str) -> Result<f64, String> {
+    match text.trim_end_matches('%').parse::<f64>() {
+        Ok(value) if (0.05..=50.0).contains(&value) => Ok(value / 100.0),
+        _ => Err(format!("{text:?} is not an error from 0.05% to 50%")),
     }
 }
 
@@ -350,7 +381,8 @@ mod tests {
         assert_eq!(job(&["--density", "duality"]).unwrap().density, Density::Duality);
         let glb = Arguments::try_parse_from(["cloudvdb", "in.glb", "--json"]).unwrap().run.job().unwrap();
         assert_eq!(glb.density, Density::Duality);
-        for wrong in [["--spp", "0"], ["--spp", "5G"], ["--exposure", "nan"], ["--size", "0x0"], ["--fov", "180"], ["--integrator", "grid"]]
+        for wrong in
+            [["--spp", "0"], ["--spp", "5G"], ["--exposure", "nan"], ["--size", "0x0"], ["--fov", "180"], ["--integrator", "voxels"]]
         {
             assert!(job(&wrong).is_err(), "{wrong:?}");
         }

@@ -168,7 +168,7 @@ impl Tracer {
 
     /// One photon from the sun to its end; its weights always add up to its power.
     fn photon(&self, batch: &mut Batch, rng: &mut Rng, scratch: &mut Scratch, progress: &dyn Progress) {
-        let start = self.emitter.emit(rng, &self.surfaces);
+        let start = self.emitter.emit(rng, &self.surfaces, None);
         let pick = if self.colours.len() > 1 { rng.uniform() } else { 0.0 };
         let Some(colour) = self.colours.iter().find(|c| pick < c.until) else { return };
         let (mut ray, mut weight) = (start.ray, start.power);

@@ -42,6 +42,19 @@ impl Lens {
         }
     }
 
+    /// Where the camera is, in the local space.
+    pub(super) fn position(&self) -> Vec3 {
+        self.position
+    }
+
+    /// Whether a ball may be in the picture.
+    pub(super) fn frames(&self, centre: Vec3, radius: f32) -> bool {
+        let p = self.axes.transpose() * (centre - self.position);
+        let (depth, (right, top)) = (-p.z, (self.half.0 * self.per_pixel, self.half.1 * self.per_pixel));
+        let within = |x: f32, tan: f32| x.abs() - depth * tan <= radius * (1.0 + tan * tan).sqrt();
+        depth >= -radius && within(p.x, right) && within(p.y, top)
+    }
+
     /// The ray through a point of the picture, in pixels from its upper left corner.
     pub(super) fn view(&self, x: f32, y: f32) -> View {
         let local = Vec3::new((x - self.half.0) * self.per_pixel, (self.half.1 - y) * self.per_pixel, -1.0);

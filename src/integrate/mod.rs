@@ -2,7 +2,9 @@
 
 mod band;
 pub mod flux;
+mod grid;
 mod lens;
+mod lobe;
 mod path;
 pub mod photon;
 mod sunlight;
@@ -16,6 +18,7 @@ use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
 use crate::scene::{Camera, Scene};
 use glam::DVec3;
+use grid::GridTracer;
 use lens::Lens;
 use path::PathTracer;
 use photon::{Lighting, PhotonSettings, PhotonTracer};
@@ -32,6 +35,15 @@ pub enum Integrator {
     Path,
     /// The thesis's pass 2: single scattering along each ray, and stored photons for the rest.
     Photon,
+    /// Photons' light toward the camera, gathered in voxels and smoothed by orders of scattering.
+    Grid,
+}
+
+impl Integrator {
+    /// Samples a pixel, where nobody says how many: the grid integrator's noise is its photons'.
+    pub fn usual_spp(self) -> u32 {
+        if self == Integrator::Grid { 16 } else { 64 }
+    }
 }
 
 /// How a picture is made.
@@ -47,7 +59,7 @@ pub struct RenderSettings {
     pub spp: u32,
     /// The seed.
     pub seed: u64,
-    /// What [`Integrator::Photon`] alone asks.
+    /// What [`Integrator::Photon`] and [`Integrator::Grid`] ask.
     pub photon: PhotonSettings,
 }
 
@@ -91,6 +103,11 @@ pub fn render(
         }
         Integrator::Photon => {
             let tracer = PhotonTracer::new(scene, plan, settings, pass1, progress)?;
+            let rendering = expose(&tracer, tracer.origin, scene, camera, settings, progress)?;
+            Ok(Rendering { photons: Some(tracer.lighting), ..rendering })
+        }
+        Integrator::Grid => {
+            let tracer = GridTracer::new(scene, plan, camera, settings, progress)?;
             let rendering = expose(&tracer, tracer.origin, scene, camera, settings, progress)?;
             Ok(Rendering { photons: Some(tracer.lighting), ..rendering })
         }

@@ -55,23 +55,35 @@ pub struct PhotonSettings {
     pub step: f64,
     /// Looks at the sun's disc from each point of a surface that is met.
     pub shadow_rays: u32,
+    /// What the voxels of [`super::Integrator::Grid`] may take, bytes.
+    pub memory: u64,
 }
 
 impl Default for PhotonSettings {
     fn default() -> Self {
-        PhotonSettings { model: Model::Physical, gather: Gathering::March, photons: 1_000_000, estimate: None, step: 0.1, shadow_rays: 1 }
+        PhotonSettings {
+            model: Model::Physical,
+            gather: Gathering::March,
+            photons: 1_000_000,
+            estimate: None,
+            step: 0.1,
+            shadow_rays: 1,
+            memory: 1_000_000_000,
+        }
     }
 }
 
 /// The stored photons that lit a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
 pub struct Lighting {
-    /// Stored, of all channels.
+    /// Stored, of all channels; none by [`super::Integrator::Grid`].
     pub stored: u64,
-    /// Emitted for them; 0 where pass 1's were taken.
+    /// Emitted; 0 where pass 1's were taken.
     pub emitted: u64,
     /// In an estimate.
     pub estimate: u64,
+    /// Voxels that they were gathered in, by [`super::Integrator::Grid`].
+    pub voxels: u64,
 }
 
 /// Neighbourhoods that a tile keeps of each channel.
@@ -182,26 +194,35 @@ impl PhotonTracer {
 }
 
 /// The grey scenes that make up a scene, with the channels that each stands for and the tint of its sunlight.
-fn channels_of(scene: &Scene, model: Model) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
+pub(super) fn channels_of(scene: &Scene, model: Model) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
     let grey = scene.sun.grey_irradiance();
     let tint = if grey > 0.0 { (DVec3::from_array(scene.sun.irradiance) / grey).as_vec3() } else { Vec3::ZERO };
     let same = |c: [f64; 3]| c[0] == c[1] && c[1] == c[2];
     if scene.regions.iter().all(|r| r.medium.is_grey()) && (scene.surfaces.iter().all(|s| same(s.albedo)) || model == Model::Hura2006) {
         return vec![(Cow::Borrowed(scene), Vec3::ONE, tint)];
     }
-    let with = |medium: &dyn Fn(&Medium) -> Medium, of: &dyn Fn([f64; 3]) -> [f64; 3]| Scene {
+    if model == Model::Hura2006 {
+        // The thesis has one wavelength.
+        let medium = |m: &Medium| Medium::with_albedo(m.sigma_t(), m.albedo(), m.g);
+        return vec![(Cow::Owned(with(scene, &medium, &|c| c)), Vec3::ONE, tint)];
+    }
+    by_channel(scene)
+}
+
+/// The scene in R, in G and in B.
+pub(super) fn by_channel<'a>(scene: &Scene) -> Vec<(Cow<'a, Scene>, Vec3, Vec3)> {
+    (0..3).map(|c| (Cow::Owned(with(scene, &|m| m.channel(c), &|rgb| [rgb[c]; 3])), Vec3::AXES[c], Vec3::ONE)).collect()
+}
+
+/// A scene with other media and colours.
+fn with(scene: &Scene, medium: &dyn Fn(&Medium) -> Medium, of: &dyn Fn([f64; 3]) -> [f64; 3]) -> Scene {
+    Scene {
         regions: scene.regions.iter().map(|r| Region { medium: medium(&r.medium), ..r.clone() }).collect(),
         surfaces: scene.surfaces.iter().map(|s| Surface { albedo: of(s.albedo), ..s.clone() }).collect(),
         sun: Sun { irradiance: of(scene.sun.irradiance), ..scene.sun },
         sky: of(scene.sky),
         camera: scene.camera,
-    };
-    if model == Model::Hura2006 {
-        // The thesis has one wavelength.
-        let medium = |m: &Medium| Medium::with_albedo(m.sigma_t(), m.albedo(), m.g);
-        return vec![(Cow::Owned(with(&medium, &|c| c)), Vec3::ONE, tint)];
     }
-    (0..3).map(|c| (Cow::Owned(with(&|m| m.channel(c), &|rgb| [rgb[c]; 3])), Vec3::AXES[c], Vec3::ONE)).collect()
 }
 
 /// Pass 2's own photons; `None` where no light finds a region.

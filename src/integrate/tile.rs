@@ -11,6 +11,9 @@ use glam::{DVec3, Vec3};
 /// Samples of a pixel that also measure the transmittance, exactly along each ray.
 const CLEAR: u32 = 8;
 
+/// The largest that [`Transport::PARTS`] may be, squared.
+const MOST_PARTS: usize = 4;
+
 /// How a path reached the camera: the layer that its light belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Layer {
@@ -72,6 +75,9 @@ pub(super) trait Transport: Sync {
     /// Room that a tile keeps from ray to ray.
     type Room: Default + Send;
 
+    /// Parts along each side of a pixel that samples are dealt to in turn.
+    const PARTS: u32 = 1;
+
     /// What arrives along a camera ray.
     fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Self::Room) -> Arrival;
 
@@ -116,7 +122,10 @@ impl<Room> Tile<Room> {
         rng: &mut Rng,
         progress: &dyn Progress,
     ) {
-        let (mut light, mut squares) = ([DVec3::ZERO; 4], DVec3::ZERO);
+        // Samples are dealt to the parts in turn; an odd lot is spread over the whole pixel.
+        let parts = if spp.is_multiple_of(T::PARTS * T::PARTS) && spp > T::PARTS * T::PARTS { T::PARTS } else { 1 };
+        let mut light = [DVec3::ZERO; 4];
+        let mut between = [(DVec3::ZERO, DVec3::ZERO); MOST_PARTS];
         let mut photons = Photons::default();
         let (mut depth, mut events) = (0.0f64, 0.0f64);
         let (mut through, mut opaque) = (0.0f64, 0u32);
@@ -124,7 +133,9 @@ impl<Room> Tile<Room> {
             if sample % 64 == 63 && progress.cancelled() {
                 break;
             }
-            let view = lens.view(x as f32 + rng.uniform_f32(), y as f32 + rng.uniform_f32());
+            let part = sample % (parts * parts);
+            let at = |whole: u32, part: u32, u: f32| whole as f32 + (part as f32 + u) / parts as f32;
+            let view = lens.view(at(x, part % parts, rng.uniform_f32()), at(y, part / parts, rng.uniform_f32()));
             if sample < CLEAR {
                 let (share, surface) = transport.clear(&view, &mut self.room);
                 (through, opaque) = (through + share, opaque + u32::from(surface));
@@ -140,12 +151,16 @@ impl<Room> Tile<Room> {
             (depth, events) = (depth + f64::from(view.near) * chance + far * f64::from(view.cos), events + chance);
             self.collisions += arrival.collisions;
             self.truncated += arrival.truncated;
-            squares += sum * sum;
+            let (first, second) = &mut between[part as usize];
+            (*first, *second) = (*first + sum, *second + sum * sum);
         }
         let n = f64::from(spp);
         let rgb = |sum: DVec3| (sum / n).as_vec3().to_array();
-        let mean = light.iter().copied().sum::<DVec3>() / n;
-        let between_samples = (squares / n - mean * mean).max(DVec3::ZERO) / (n - 1.0);
+        let each = n / f64::from(parts * parts);
+        // Of the mean of each part, and so of the mean of the parts.
+        let variance = |&(sum, squares): &(DVec3, DVec3)| (squares / each - (sum / each) * (sum / each)).max(DVec3::ZERO) / (each - 1.0);
+        let count = (parts * parts) as usize;
+        let between_samples = between[..count].iter().map(variance).sum::<DVec3>() / (count * count) as f64;
         // A quarter is left where the photons' part, which may come out below zero, would take all.
         let error = (between_samples + photons.variance(n)).max(0.25 * between_samples).to_array().map(f64::sqrt);
         let clear = f64::from(spp.min(CLEAR));
@@ -163,7 +178,7 @@ impl<Room> Tile<Room> {
     }
 }
 
-/// The light of stored photons by their groups, of which each is an independent estimate of an eighth of it.
+/// The light of stored photons by their groups, of which each is an independent estimate of its share.
 #[derive(Default)]
 struct Photons {
     sums: [DVec3; GROUPS],

@@ -11,10 +11,12 @@ use crate::sampling::uniform_disc;
 use crate::scene::medium::luminance;
 use crate::scene::{Scene, Shape, Sun};
 use crate::trimesh::TriMesh;
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, IVec3, Vec2, Vec3};
 
 /// Cells of the silhouette's mask along its longer side.
 const MASK_CELLS: f32 = 512.0;
+/// Samples along the sides of a grid's blocks, whose shadows make up its own.
+const BLOCK: i32 = 4;
 
 /// Starts photons.
 #[derive(Debug, Clone)]
@@ -46,6 +48,8 @@ pub(super) struct Silhouette {
     width: usize,
     mask: Vec<bool>,
     cells: Vec<u32>,
+    /// The same in Morton's order.
+    curve: Vec<u32>,
     /// How far upstream of the plane photons start, beyond every region.
     upstream: f32,
     /// How far upstream lies everything, surfaces included.
@@ -78,6 +82,8 @@ pub struct Start {
     pub power: f64,
     /// Whether it is aimed at a region. Light that is aimed at surfaces counts once they send it toward one.
     pub counted: bool,
+    /// Whether it is not sunlight on its first flight.
+    pub scattered: bool,
 }
 
 impl Emitter {
@@ -108,27 +114,37 @@ impl Emitter {
         }
     }
 
-    /// Starts one photon. `surfaces` are looked at upstream, so that what shades the regions from afar does.
-    pub fn emit(&self, rng: &mut Rng, surfaces: &TriMesh) -> Start {
+    /// The area, across the sunlight, over which photons start that are aimed at regions, m^2.
+    pub(super) fn area(&self) -> f64 {
+        match &self.target {
+            Target::Tile { size, .. } => f64::from(size.x) * f64::from(size.y),
+            Target::Silhouette(s) => s.area(),
+        }
+    }
+
+    /// Starts one photon. `surfaces` are looked at upstream, so that what shades the regions from afar does. `along` in [0, 1) says where
+    /// on a curve through the silhouette, so that photons may be spread evenly; anywhere where it does not.
+    pub fn emit(&self, rng: &mut Rng, surfaces: &TriMesh, along: Option<f64>) -> Start {
         let direction =
             if self.sin_alpha > 0.0 { uniform_disc(self.axis, self.sin_alpha, rng.uniform_f32(), rng.uniform_f32()) } else { self.axis };
         match &self.target {
             Target::Tile { min, size, top } => {
                 let p = *min + *size * Vec2::new(rng.uniform_f32(), rng.uniform_f32());
                 let power = self.irradiance * f64::from(size.x) * f64::from(size.y) * f64::from(-direction.z).max(0.0);
-                Start { ray: Ray { origin: p.extend(*top), direction }, power, counted: true }
+                Start { ray: Ray { origin: p.extend(*top), direction }, power, counted: true, scattered: false }
             }
-            Target::Silhouette(s) => s.emit(rng, direction, self.irradiance, surfaces),
+            Target::Silhouette(s) => s.emit(rng, direction, self.irradiance, surfaces, along),
         }
     }
 }
 
 impl Silhouette {
-    fn emit(&self, rng: &mut Rng, direction: Vec3, irradiance: f64, surfaces: &TriMesh) -> Start {
+    fn emit(&self, rng: &mut Rng, direction: Vec3, irradiance: f64, surfaces: &TriMesh, along: Option<f64>) -> Start {
         let aside = self.skirt.as_ref().filter(|s| rng.uniform() < s.probability);
         let (p, upstream, area) = match aside {
             None => {
-                let cell = self.cells[((rng.uniform() * self.cells.len() as f64) as usize).min(self.cells.len() - 1)];
+                let number = |share: f64| ((share * self.cells.len() as f64) as usize).min(self.cells.len() - 1);
+                let cell = along.map_or_else(|| self.cells[number(rng.uniform())], |along| self.curve[number(along)]);
                 let corner = Vec2::new((cell as usize % self.width) as f32, (cell as usize / self.width) as f32);
                 let p = self.corner + (corner + Vec2::new(rng.uniform_f32(), rng.uniform_f32())) * self.cell;
                 (p, self.upstream, self.area())
@@ -144,7 +160,7 @@ impl Silhouette {
         if self.shaded && aside.is_none() && surfaces.nearest(&Ray { origin, direction: -direction }, f32::INFINITY).is_some() {
             origin = plane - direction * self.far;
         }
-        Start { ray: Ray { origin, direction }, power: irradiance * area, counted: aside.is_none() }
+        Start { ray: Ray { origin, direction }, power: irradiance * area, counted: aside.is_none(), scattered: false }
     }
 
     /// The mask's area over the share of photons that start over it, m^2.
@@ -198,7 +214,8 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
     let cos_alpha = (1.0 - sin_alpha * sin_alpha).max(1e-6).sqrt();
     let tan_alpha = sin_alpha / cos_alpha;
     let spread = tan_alpha * upstream;
-    let discs: Vec<(Vec2, Vec2, bool)> = scene.regions.iter().map(|r| projected(&r.shape, origin, u, v, spread)).collect();
+    let mut discs: Vec<(Vec2, Vec2, bool)> = Vec::new();
+    scene.regions.iter().for_each(|r| project(&r.shape, origin, u, v, spread, &mut discs));
     let corner = discs.iter().fold(Vec2::INFINITY, |m, d| m.min(d.0 - d.1));
     let far_corner = discs.iter().fold(Vec2::NEG_INFINITY, |m, d| m.max(d.0 + d.1));
     let cell = ((far_corner - corner).max_element() / MASK_CELLS).max(f32::MIN_POSITIVE);
@@ -217,6 +234,8 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
         }
     }
     let cells: Vec<u32> = (0..mask.len() as u32).filter(|&i| mask[i as usize]).collect();
+    let mut curve = cells.clone();
+    curve.sort_by_key(|&cell| morton(cell % width as u32) | morton(cell / width as u32) << 1);
     let far = reach(everything);
     let height = |p: DVec3| (p - origin).dot(-scene.sun.direction);
     // Turned by the sun's disc, a vertex at the far end rises by at most the disc's share of its distance.
@@ -244,28 +263,60 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
         Skirt { centre, radius, probability: f64::from((below / (below + area)).min(0.8)), min: min - grow, max: max + grow }
     });
     let (upstream, far) = (upstream / cos_alpha, far / cos_alpha);
-    Silhouette { u, v, corner, cell, width, mask, cells, upstream, far, shaded, aim, skirt }
+    Silhouette { u, v, corner, cell, width, mask, cells, curve, upstream, far, shaded, aim, skirt }
 }
 
-/// A shape's shadow on the plane: centre, half extents, and whether it is an ellipse along the axes of the plane (else a rectangle).
-fn projected(shape: &Shape, origin: DVec3, u: Vec3, v: Vec3, spread: f32) -> (Vec2, Vec2, bool) {
-    let bounds = shape.bounds();
-    let c = (bounds.centre() - origin).as_vec3();
-    let centre = Vec2::new(c.dot(u), c.dot(v));
+/// The bits of a number below 2^16 at every second place.
+fn morton(x: u32) -> u32 {
+    let x = (x | x << 8) & 0x00ff_00ff;
+    let x = (x | x << 4) & 0x0f0f_0f0f;
+    let x = (x | x << 2) & 0x3333_3333;
+    (x | x << 1) & 0x5555_5555
+}
+
+/// A shape's shadow on the plane, in parts: centre, half extents, and whether it is an ellipse along the axes of the plane (else a
+/// rectangle).
+fn project(shape: &Shape, origin: DVec3, u: Vec3, v: Vec3, spread: f32, out: &mut Vec<(Vec2, Vec2, bool)>) {
     // Rounding to f32 must not clip the rim.
-    let grow = |half: Vec2| half * 1.0001 + spread + c.length() * 4.0 * f32::EPSILON;
+    let mut cast = |c: Vec3, half: Vec2, round: bool| {
+        out.push((Vec2::new(c.dot(u), c.dot(v)), half * 1.0001 + spread + c.length() * 4.0 * f32::EPSILON, round));
+    };
+    let centre = (shape.bounds().centre() - origin).as_vec3();
     match shape {
         Shape::Ellipsoid { world_from_unit } => {
             let m = world_from_unit.matrix3.transpose();
             let half = Vec2::new((m * u.as_dvec3()).length() as f32, (m * v.as_dvec3()).length() as f32);
             let round = (half.x - half.y).abs() <= 1e-5 * half.x && is_round(world_from_unit.matrix3);
-            (centre, grow(half), round)
+            cast(centre, half, round);
+        }
+        // Each block of samples that holds anything, and a sample more all around.
+        Shape::Grid(grid) => {
+            let world = grid.bricks.world_from_index;
+            let half = 0.5 * f64::from(BLOCK + 1);
+            let across = |w: Vec3| (half * (world.matrix3.transpose() * w.as_dvec3()).abs().element_sum()) as f32;
+            let half_extent = Vec2::new(across(u), across(v));
+            for (brick, &first) in grid.bricks.origins.iter().enumerate() {
+                for corner in filled_blocks(grid.bricks.brick(brick)) {
+                    let middle = (IVec3::from_array(first) + corner).as_dvec3() + half - 1.0;
+                    cast((world.transform_point3(middle) - origin).as_vec3(), half_extent, false);
+                }
+            }
         }
         _ => {
-            let h = (bounds.size() * 0.5).as_vec3();
-            (centre, grow(Vec2::new(h.dot(u.abs()), h.dot(v.abs()))), false)
+            let h = (shape.bounds().size() * 0.5).as_vec3();
+            cast(centre, Vec2::new(h.dot(u.abs()), h.dot(v.abs())), false);
         }
     }
+}
+
+/// The first samples of a brick's blocks that hold anything.
+fn filled_blocks(samples: &[f32]) -> impl Iterator<Item = IVec3> {
+    let mut filled = [false; 8];
+    for (i, _) in samples.iter().enumerate().filter(|(_, s)| **s != 0.0) {
+        filled[i >> 8 << 2 | (i >> 5 & 1) << 1 | i >> 2 & 1] = true;
+    }
+    let corner = |b: i32| IVec3::new(b >> 2, b >> 1 & 1, b & 1) * BLOCK;
+    (0..8).filter(move |&b| filled[b as usize]).map(corner)
 }
 
 fn is_sphere(shape: &Shape) -> bool {

@@ -5,11 +5,14 @@ pub mod emit;
 pub mod map;
 pub mod nearest;
 mod rules;
+mod sky;
 pub mod trace;
+mod witness;
 
 pub use map::{PhotonMap, PhotonTree};
 pub use nearest::{Nearest, Neighbourhood};
 pub use trace::{Shot, Tracer};
+pub use witness::Witness;
 
 use crate::bvh::Box3;
 use glam::Vec3;
@@ -41,14 +44,14 @@ pub struct Photon {
 
 /// Paths are dealt into so many groups: what the groups' sums differ by is the noise of all their photons together,
 /// however alike those of one path are.
-pub const GROUPS: usize = 8;
+pub const GROUPS: usize = 16;
 
 /// Bits of [`Photon::home`] that are the region's.
-const REGION_BITS: u32 = 29;
+const REGION_BITS: u32 = 28;
 
 impl Photon {
     /// A photon at `position` (relative to the map's origin, m) that travels in `direction` (unit length) with `power` in W,
-    /// collides in `region` (of fewer than 2^29) and belongs to path number `path`.
+    /// collides in `region` (of fewer than 2^28) and belongs to path number `path`.
     #[inline]
     pub fn new(position: Vec3, direction: Vec3, power: f32, region: u32, path: usize) -> Self {
         let home = region | ((path % GROUPS) as u32) << REGION_BITS;

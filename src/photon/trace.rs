@@ -3,6 +3,8 @@
 use super::emit::{Emitter, Start};
 use super::map::PhotonMap;
 use super::rules::{Hura2006, Physical, Rules};
+use super::sky::Sky;
+use super::witness::{Store, Witness};
 use super::{Model, Photon};
 use crate::error::{Error, Result};
 use crate::geom::{Bounds, Ray, Tile};
@@ -104,6 +106,7 @@ pub struct Tracer {
     surfaces: TriMesh,
     albedos: Vec<f64>,
     pub(super) emitter: Emitter,
+    sky: Option<Sky>,
     model: Model,
     stage: Stage,
     absorption: bool,
@@ -131,6 +134,7 @@ impl Tracer {
             surfaces: TriMesh::new(&meshes, origin),
             albedos: scene.surfaces.iter().map(|s| if bounces { luminance(s.albedo).clamp(0.0, 1.0) } else { 0.0 }).collect(),
             emitter: Emitter::new(scene, origin, plan.on(EffectName::SunDisc), bounces),
+            sky: Sky::of(scene, origin, bounces),
             model,
             stage: Stage::Photons,
             absorption: plan.on(EffectName::Absorption),
@@ -191,7 +195,53 @@ impl Tracer {
 
     /// A wave of batches, in the order of their items.
     fn wave(&self, seed: u64, items: Range<u64>, wanted: u64, progress: &dyn Progress) -> Vec<Batch> {
-        items.into_par_iter().map(|item| self.batch(seed, item, wanted, progress)).collect()
+        items.into_par_iter().map(|item| self.batch(seed, item, None, wanted, &Store, progress)).collect()
+    }
+
+    /// Paths in an item of [`Tracer::follow`].
+    pub const PATHS: u64 = BATCH_PATHS;
+
+    /// Follows the paths of some items, which start evenly over the silhouette, and tells a witness of every flight; none is stored.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub fn follow<W: Witness>(&self, items: Range<u64>, seed: u64, witness: &W, progress: &dyn Progress) -> Result<()> {
+        items.clone().into_par_iter().for_each(|item| {
+            if !progress.cancelled() {
+                self.batch(seed, item, Some(&items), 0, witness, progress);
+            }
+        });
+        progress.check()
+    }
+
+    /// About the most power that a path starts with, before it is divided by their number, W.
+    pub fn strongest(&self) -> f64 {
+        let share = self.share_of_sky();
+        let sun = if share < 1.0 { self.emitter.base_power() / (1.0 - share) } else { 0.0 };
+        sun.max(self.sky.map_or(0.0, |sky| sky.power() / share))
+    }
+
+    /// The share of paths of [`Tracer::follow`] that start in the sky.
+    fn share_of_sky(&self) -> f64 {
+        let Some(sky) = &self.sky else { return 0.0 };
+        let sun = self.emitter.base_power();
+        if sun > 0.0 { (sky.power() / (sky.power() + sun)).clamp(0.2, 0.8) } else { 1.0 }
+    }
+
+    /// Starts a path; in the sky too where it is one of a sample.
+    fn start(&self, rng: &mut Rng, along: Option<f64>) -> Start {
+        let share = if along.is_some() { self.share_of_sky() } else { 0.0 };
+        if let Some(sky) = self.sky.filter(|_| share > 0.0 && rng.uniform() < share) {
+            let start = sky.emit(rng);
+            return Start { power: start.power / share, ..start };
+        }
+        let start = self.emitter.emit(rng, &self.surfaces, along);
+        Start { power: start.power / (1.0 - share), ..start }
+    }
+
+    /// The area, across the sunlight, over which photons start, m^2.
+    pub fn silhouette(&self) -> f64 {
+        self.emitter.area()
     }
 
     /// The share of sunlight that crosses the scene's own regions, and the `other` ones, without a collision: over the sunlight
@@ -203,7 +253,7 @@ impl Tracer {
             let mut rng = Rng::new(seed, Stage::Sunlight, item);
             let (mut through, mut power) = ([0.0; 2], 0.0);
             for _ in 0..1024 {
-                let start = self.emitter.emit(&mut rng, &self.surfaces);
+                let start = self.emitter.emit(&mut rng, &self.surfaces, None);
                 let depth = self.media.optical_depth(&start.ray, f32::INFINITY, &mut scratch);
                 // Light beside the layout, or aimed at surfaces, says nothing about it.
                 if depth > 0.0 {
@@ -219,18 +269,33 @@ impl Tracer {
 
     /// One batch of paths: the same whatever else is traced, and on whatever thread. Stops after the path that alone would
     /// fill the map.
-    fn batch(&self, seed: u64, item: u64, wanted: u64, progress: &dyn Progress) -> Batch {
+    #[allow(clippy::too_many_arguments)]
+    fn batch<W: Witness>(
+        &self,
+        seed: u64,
+        item: u64,
+        sample: Option<&Range<u64>>,
+        wanted: u64,
+        witness: &W,
+        progress: &dyn Progress,
+    ) -> Batch {
         let mut rng = Rng::new(seed, self.stage, item);
         let (mut batch, mut scratch) = (Batch::default(), Scratch::default());
-        for _ in 0..BATCH_PATHS {
-            let start = self.emitter.emit(&mut rng, &self.surfaces);
+        for path in 0..BATCH_PATHS {
+            // Of paths that are a sample of their own, each starts in its own part of the silhouette.
+            let along = |of: &Range<u64>| {
+                let paths = ((of.end - of.start) * BATCH_PATHS) as f64;
+                (((item - of.start) * BATCH_PATHS + path) as f64 + rng.uniform()) / paths
+            };
+            let along = sample.map(along);
+            let start = self.start(&mut rng, along);
             batch.power += if start.counted { start.power } else { 0.0 };
             match self.model {
-                Model::Physical => self.path::<Physical>(start, &mut rng, &mut batch, &mut scratch, wanted, progress),
-                Model::Hura2006 => self.path::<Hura2006>(start, &mut rng, &mut batch, &mut scratch, wanted, progress),
+                Model::Physical => self.path::<Physical, W>(start, &mut rng, &mut batch, &mut scratch, wanted, witness, progress),
+                Model::Hura2006 => self.path::<Hura2006, W>(start, &mut rng, &mut batch, &mut scratch, wanted, witness, progress),
             }
             batch.ends.push(batch.photons.len() as u32);
-            if batch.interrupted || batch.photons.len() as u64 >= wanted {
+            if batch.interrupted || (W::KEEPS && batch.photons.len() as u64 >= wanted) {
                 break;
             }
         }
@@ -238,13 +303,23 @@ impl Tracer {
     }
 
     /// One path with all its branches: a bounce toward the regions is a branch of its own.
-    fn path<R: Rules>(&self, start: Start, rng: &mut Rng, batch: &mut Batch, scratch: &mut Scratch, wanted: u64, progress: &dyn Progress) {
+    #[allow(clippy::too_many_arguments)]
+    fn path<R: Rules, W: Witness>(
+        &self,
+        start: Start,
+        rng: &mut Rng,
+        batch: &mut Batch,
+        scratch: &mut Scratch,
+        wanted: u64,
+        witness: &W,
+        progress: &dyn Progress,
+    ) {
         let mut left: SmallVec<[Branch; 8]> = SmallVec::new();
         if start.power > 0.0 {
-            left.push(Branch { ray: start.ray, power: start.power, counted: start.counted, bounced: false });
+            left.push(Branch { ray: start.ray, power: start.power, counted: start.counted, bounced: start.scattered });
         }
         while let Some(branch) = left.pop() {
-            self.branch::<R>(branch, rng, batch, scratch, &mut left, wanted, progress);
+            self.branch::<R, W>(branch, rng, batch, scratch, &mut left, wanted, witness, progress);
             if batch.interrupted {
                 return;
             }
@@ -252,7 +327,7 @@ impl Tracer {
     }
 
     #[allow(clippy::too_many_arguments)]
-    fn branch<R: Rules>(
+    fn branch<R: Rules, W: Witness>(
         &self,
         mut at: Branch,
         rng: &mut Rng,
@@ -260,20 +335,23 @@ impl Tracer {
         scratch: &mut Scratch,
         left: &mut SmallVec<[Branch; 8]>,
         wanted: u64,
+        witness: &W,
         progress: &dyn Progress,
     ) {
-        let (mut collisions, mut hint) = (0u64, 0.0);
+        let (mut collisions, mut hint, mut share) = (0u64, 0.0, 1.0);
         let grids = self.model == Model::Hura2006 && self.media.has_grids();
         loop {
             let tau = R::optical_depth(rng);
             let flight = self.media.fly(&at.ray, f32::INFINITY, tau, hint, rng, scratch);
             let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
-            if let Some(hit) = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&at.ray, reach) } {
+            let hit = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&at.ray, reach) };
+            witness.flight(&at.ray, hit.as_ref().map_or(reach, |h| h.t), at.power * share, collisions + u64::from(at.bounced), rng);
+            if let Some(hit) = hit {
                 match self.bounce(&at, &hit, rng, batch, left) {
                     Some(next) => at = next,
                     None => return,
                 }
-                hint = 0.0;
+                (hint, share) = (0.0, 1.0);
                 continue;
             }
             let Flight::Collision { distance, region, sigma_t } = flight else {
@@ -294,7 +372,7 @@ impl Tracer {
             let kept = at.power * R::attenuation(spent);
             batch.shift(Fate::Attenuated, &at, at.power - kept);
             at.power = kept;
-            if (collisions > 1 || at.bounced) && (batch.photons.len() as u64) < wanted && self.in_tile(region, p) {
+            if W::KEEPS && (collisions > 1 || at.bounced) && (batch.photons.len() as u64) < wanted && self.in_tile(region, p) {
                 let stored = at.power * R::stored(optics.albedo);
                 batch.photons.push(Photon::new(p, at.ray.direction, stored as f32, region, batch.ends.len()));
             }
@@ -308,10 +386,24 @@ impl Tracer {
                 batch.interrupted = true;
                 return;
             }
+            let before = at.ray.direction;
+            if let Some((direction, part)) = witness.aside(p, before, optics.g, rng) {
+                let ray = Ray { origin: p, direction };
+                let reach = self.reach(&ray, sigma_t, rng, scratch);
+                witness.flight(&ray, reach, at.power * part, collisions + u64::from(at.bounced), rng);
+            }
             let (cos, sin) = R::scatter(optics.g, rng.uniform());
-            at.ray = Ray { origin: p, direction: around(at.ray.direction, cos as f32, sin as f32, rng.uniform_f32()) };
+            at.ray = Ray { origin: p, direction: around(before, cos as f32, sin as f32, rng.uniform_f32()) };
             hint = sigma_t;
+            share = witness.share(p, before, at.ray.direction, optics.g);
         }
+    }
+
+    /// How far a flight along a ray goes, to a collision or to a surface.
+    fn reach(&self, ray: &Ray, hint: f64, rng: &mut Rng, scratch: &mut Scratch) -> f32 {
+        let flight = self.media.fly(ray, f32::INFINITY, rng.optical_depth(), hint, rng, scratch);
+        let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
+        if self.surfaces.is_empty() { reach } else { self.surfaces.nearest(ray, reach).map_or(reach, |h| h.t) }
     }
 
     /// A Lambertian bounce (thesis eq. 26). What goes toward the regions is a branch of its own, sampled over the cone of
@@ -373,7 +465,7 @@ struct Branch {
     power: f64,
     /// Whether its power is in the energy balance: it crossed the silhouette, or a surface sent it toward the regions.
     counted: bool,
-    /// Whether a surface has reflected it.
+    /// Whether a surface has reflected it, or it comes from the sky: it is not the sun's any more.
     bounced: bool,
 }
 

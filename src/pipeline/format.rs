@@ -83,6 +83,9 @@ impl<'a> Targets<'a> {
         if picture && job.picture.integrator == Integrator::Photon {
             check_photons(job, &layout.scene)?;
         }
+        if picture && job.picture.integrator == Integrator::Grid {
+            check_field(job, &layout.scene)?;
+        }
         Ok(())
     }
 
@@ -105,6 +108,18 @@ impl<'a> Targets<'a> {
     pub fn any(&self, format: Format) -> bool {
         self.each(format).next().is_some()
     }
+}
+
+/// Refuses what the grid integrator cannot do.
+fn check_field(job: &Job, scene: &Scene) -> Result<()> {
+    let usage = |what: String| Err(Error::Usage(format!("{}: {what}: use --integrator path", job.input.display())));
+    if let Some(region) = scene.regions.iter().find(|r| r.shape.is_endless()) {
+        return usage(format!("region {:?} goes on without end, and --integrator grid needs bounds", region.name));
+    }
+    if job.duality.model == Model::Hura2006 {
+        return usage("--integrator grid conserves energy, which --model hura2006 does not".into());
+    }
+    Ok(())
 }
 
 /// Refuses what the photon integrator cannot do.

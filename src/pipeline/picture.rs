@@ -18,8 +18,12 @@ use std::time::Instant;
 pub struct Picture {
     /// How light is followed.
     pub integrator: Integrator,
-    /// Samples a pixel.
-    pub spp: u32,
+    /// Samples a pixel; [`Integrator::usual_spp`] where nobody says.
+    pub spp: Option<u32>,
+    /// The relative error of a pixel ([`Film::relative_error`]) to go on to, where one is asked for.
+    pub error: Option<f64>,
+    /// What the voxels of [`Integrator::Grid`] may take, bytes.
+    pub memory: u64,
     /// Where [`Integrator::Photon`] looks for photons.
     pub gather: Gathering,
     /// The optical depth of its march's first step.
@@ -34,17 +38,28 @@ pub struct Picture {
 
 impl Default for Picture {
     fn default() -> Self {
-        let PhotonSettings { gather, step, shadow_rays, .. } = PhotonSettings::default();
-        Picture { integrator: Integrator::Path, spp: 64, gather, step, shadow_rays, exposure: 0.0, view: View::default() }
+        let PhotonSettings { gather, step, shadow_rays, memory, .. } = PhotonSettings::default();
+        Picture {
+            integrator: Integrator::Path,
+            spp: None,
+            error: None,
+            memory,
+            gather,
+            step,
+            shadow_rays,
+            exposure: 0.0,
+            view: View::default(),
+        }
     }
 }
 
 impl Picture {
     /// What the integrators are told of it, with the photons, the model and the seed of a run.
     pub fn settings(&self, framed: &Framed, photons: u64, duality: &Duality) -> RenderSettings {
-        let Picture { integrator, spp, gather, step, shadow_rays, .. } = *self;
+        let Picture { integrator, spp, gather, step, shadow_rays, memory, .. } = *self;
+        let spp = spp.unwrap_or(integrator.usual_spp());
         let Duality { model, estimate, seed, .. } = *duality;
-        let photon = PhotonSettings { model, gather, photons, estimate, step, shadow_rays };
+        let photon = PhotonSettings { model, gather, photons, estimate, step, shadow_rays, memory };
         RenderSettings { integrator, width: framed.width, height: framed.height, spp, seed, photon }
     }
 
@@ -88,4 +103,36 @@ pub fn take(
     let rendering = integrate::render(scene, &plan, &framed.camera, settings, pass1, watch)?;
     let render = Render::of(settings, &rendering, begun.elapsed().as_secs_f64());
     Ok((rendering.film, render))
+}
+
+/// Rounds of [`take_to`] at most, and by how much settings grow from one to the next at most.
+const ROUNDS: u32 = 6;
+const GROWTH: f64 = 64.0;
+/// What the first round takes.
+const FIRST_PHOTONS: u64 = 100_000;
+const FIRST_SPP: u32 = 8;
+
+/// Takes pictures by more and more photons and samples, until a pixel is known to `error`; the last one counts.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
+pub fn take_to(error: f64, scene: &Scene, framed: &Framed, settings: &RenderSettings, watch: &dyn Progress) -> Result<(Film, Render)> {
+    let mut settings = RenderSettings { spp: FIRST_SPP, photon: PhotonSettings { photons: FIRST_PHOTONS, ..settings.photon }, ..*settings };
+    let begun = Instant::now();
+    let mut round = 1;
+    loop {
+        let (film, mut render) = take(scene, framed, &settings, None, watch)?;
+        render.seconds = begun.elapsed().as_secs_f64();
+        let short = film.relative_error().map_or(1.0, |found| found / error);
+        if short <= 1.0 || round == ROUNDS {
+            return Ok((film, render));
+        }
+        // The error falls as the root of what is spent; a quarter more, because it is itself an estimate, and a further round costs more.
+        let more = (1.25 * short * short).clamp(1.2, GROWTH);
+        settings.photon.photons = (settings.photon.photons as f64 * more) as u64;
+        // Samples cost the grid integrator little of its error.
+        let more = if settings.integrator == Integrator::Grid { more.sqrt() } else { more };
+        settings.spp = ((f64::from(settings.spp) * more / 4.0).ceil() * 4.0) as u32;
+        round += 1;
+    }
 }

@@ -71,11 +71,15 @@ impl Render {
         };
         let known = self.relative_error.map_or(String::new(), |error| {
             let (spp, seconds) = (self.spp_for_half, duration(self.seconds_for_half));
-            let photons = self.photons.map_or(String::new(), |p| format!(", --photons {} and --estimate {}", 4 * p.stored, 4 * p.estimate));
+            let photons = self.photons.map_or(String::new(), |p| match p.voxels {
+                0 => format!(", --photons {} and --estimate {}", 4 * p.stored, 4 * p.estimate),
+                _ => format!(" and --photons {}", 4 * p.emitted),
+            });
             format!("; a pixel is known to {:.2} %, and {spp} samples{photons} would halve that in about {seconds}", 100.0 * error)
         });
-        let lit = self.photons.map_or(String::new(), |p| {
-            format!("lit by    {} stored photons, {} in an estimate; what they blur is not in the error\n", p.stored, p.estimate)
+        let lit = self.photons.map_or(String::new(), |p| match p.voxels {
+            0 => format!("lit by    {} stored photons, {} in an estimate; what they blur is not in the error\n", p.stored, p.estimate),
+            _ => format!("lit by    {} photons in {} voxels; what is smoothed away is not in the error\n", p.emitted, p.voxels),
         });
         let (width, height, spp) = (self.width, self.height, self.spp);
         format!("picture   {width} x {height}, {spp} samples a pixel, {:.3e} a second{known}{cut}\n{lit}", self.samples_per_second)

@@ -6,10 +6,11 @@
 //! leave it out, or to take the ball's for it, is a bias that falls as the radius and not as its square.
 
 use super::Room;
-use super::gather::{Groups, Lobe};
+use super::gather::Groups;
 use crate::bvh::{Box3, Bvh};
 use crate::error::Result;
 use crate::geom::Ray;
+use crate::integrate::lobe::Lobe;
 use crate::media::Media;
 use crate::photon::{Nearest, Neighbourhood, Photon, bounds, unpack_direction};
 use crate::progress::Progress;

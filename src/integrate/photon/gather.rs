@@ -1,6 +1,7 @@
 //! The volume radiance estimate (thesis eqs 23, 30): light scattered at a point, from the n stored photons nearest to it.
 
 use crate::geom::Tile;
+use crate::integrate::lobe::Lobe;
 use crate::media::Media;
 use crate::photon::{GROUPS, Model, Nearest, Neighbourhood, Photon, unpack_direction};
 use glam::Vec3;
@@ -65,37 +66,5 @@ impl Gather {
             sums[photon.group()] += (f64::from(photon.power * lobe.value(unpack_direction(photon.direction))) * whole) as i64;
         }
         sums.map(|sum| sum as f64 / (whole * mass))
-    }
-}
-
-/// The Henyey-Greenstein function around one direction, in single precision: [`crate::scene::phase::henyey_greenstein`].
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Lobe {
-    axis: Vec3,
-    base: f32,
-    slope: f32,
-    norm: f32,
-}
-
-impl Lobe {
-    /// For light scattered into `outward`.
-    pub(super) fn new(g: f64, outward: Vec3) -> Self {
-        // Mirrored for negative g: then nothing cancels.
-        let a = g.abs();
-        let norm = (1.0 - a) * (1.0 + a) / (4.0 * PI);
-        Lobe { axis: outward * if g < 0.0 { -1.0 } else { 1.0 }, base: ((1.0 - a) * (1.0 - a)) as f32, slope: a as f32, norm: norm as f32 }
-    }
-
-    /// The largest value there is, in 1/sr.
-    pub(super) fn peak(&self) -> f32 {
-        self.norm / (self.base * self.base.sqrt())
-    }
-
-    /// Of light that came in along `inward`, in 1/sr.
-    #[inline]
-    pub(super) fn value(&self, inward: Vec3) -> f32 {
-        // 2 (1 - cos) is the squared distance of the two.
-        let base = self.base + self.slope * (inward - self.axis).length_squared();
-        self.norm / (base * base.sqrt())
     }
 }

@@ -77,6 +77,23 @@ impl Grid {
         sum * self.sigma_t
     }
 
+    /// Visits the stretches of the first `t_max` metres within cells that are not empty, with their mean extinction (1/m), until their
+    /// optical depth is `most`.
+    pub(in crate::media) fn pieces(&self, ray: &Ray, t_max: f32, most: f64, mut visit: impl FnMut(f32, f32, f32)) {
+        let mut sum = 0.0;
+        self.walk::<true>(ray, t_max, |segment| {
+            let depth = self.depth(&segment) * self.sigma_t;
+            if depth > 0.0 {
+                let (from, to) = (segment.before + segment.from, segment.before + segment.to);
+                if to > from {
+                    visit(from, to, (depth / f64::from(to - from)) as f32);
+                }
+                sum += depth;
+            }
+            if sum < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        });
+    }
+
     /// The integral of density along a stretch within one cell, by Simpson's rule.
     #[inline]
     fn depth(&self, segment: &Segment) -> f64 {

@@ -1,9 +1,10 @@
 //! Pass 2's parts against slow, obvious twins, and what it does with photons that nobody would store.
 
 use super::super::beam::Beams;
-use super::super::gather::{Groups, Lobe};
+use super::super::gather::Groups;
 use super::super::*;
 use crate::film::{Film, Pixel};
+use crate::integrate::lobe::Lobe;
 use crate::integrate::{Integrator, render};
 use crate::photon::{GROUPS, unpack_direction};
 use crate::plan::Density;

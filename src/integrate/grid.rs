@@ -1,0 +1,263 @@
+//! Photons' light in voxels: the fast integrator.
+//!
+//! Sunlight that scattered once is looked at where camera rays pass, as the path tracer does; all that scattered more often, and the
+//! light of the sky, is looked up in a [`field::Field`], smoothed by orders of scattering. Along a ray, extinction is integrated once,
+//! without error, and light is looked up at points spread evenly over the chance of a collision, each jittered in its slice. So a
+//! picture costs photons and voxels; its pixels cost little.
+//!
+//! One field holds what goes toward the camera, with the phase functions' peaks. Where surfaces are seen, a coarser one holds light of
+//! all directions by harmonics of degrees 0 to 2, for what clouds send them.
+
+mod basis;
+mod deposit;
+mod field;
+mod fit;
+mod frame;
+mod space;
+
+use super::RenderSettings;
+use super::lens::{Lens, View};
+use super::path::PathTracer;
+use super::photon::{Lighting, by_channel, channels_of};
+use super::tile::{Arrival, Layer, Transport};
+use crate::bvh::Box3;
+use crate::error::Result;
+use crate::geom::Ray;
+use crate::media::{Media, Profile, Scratch};
+use crate::photon::{GROUPS, Model, Tracer};
+use crate::plan::Plan;
+use crate::progress::Progress;
+use crate::rng::Rng;
+use crate::sampling::cosine_hemisphere;
+use crate::scene::{Camera, Scene, medium::luminance};
+use basis::Basis;
+use field::{Field, Groups, Request};
+use glam::{DVec3, Vec3};
+use std::borrow::Cow;
+
+/// The chance of a collision in a slice of the march; and of those off surfaces.
+const SLICE: f64 = 0.125;
+const COARSE: f64 = 0.5;
+/// Beyond this optical depth nothing is seen.
+const OPAQUE: f64 = 14.0;
+/// Bricks behind more optical depth than this, from everywhere in them, are not lit.
+const HIDDEN: f64 = 9.0;
+/// What a number of a voxel takes while light is gathered and smoothed, bytes.
+const BYTES: u64 = 900;
+/// Light for surfaces: so many times wider voxels, so many times fewer photons; its photons' items begin here.
+const COARSER: f64 = 2.0;
+const FEWER: u64 = 4;
+const FIRST: u64 = 1 << 40;
+
+/// The scene, compiled for one camera.
+#[derive(Debug)]
+pub(super) struct GridTracer {
+    channels: Vec<Channel>,
+    pub origin: DVec3,
+    pub lighting: Lighting,
+}
+
+/// What of the spectrum is followed together: everything where the scene is grey, else a channel.
+#[derive(Debug)]
+struct Channel {
+    tracer: PathTracer,
+    view: Option<Field>,
+    around: Option<Field>,
+    /// Which of R, G, B this is.
+    mask: Vec3,
+    /// What light of grey power 1 is in colour.
+    tint: Vec3,
+}
+
+/// What a stretch of a ray brings.
+struct Stretch {
+    direct: Vec3,
+    indirect: Vec3,
+    groups: [Vec3; GROUPS],
+    clear: f32,
+    /// The mean distance of a collision, m, times its chance.
+    far: f64,
+    looks: u64,
+}
+
+/// Room that a tile keeps from ray to ray.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    scratch: Scratch,
+    profile: Profile,
+}
+
+impl GridTracer {
+    /// Traces the photons for a camera.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub(super) fn new(scene: &Scene, plan: &Plan, camera: &Camera, settings: &RenderSettings, progress: &dyn Progress) -> Result<Self> {
+        let mut lighting = Lighting::default();
+        let mut channels = Vec::new();
+        let parts = parts(scene);
+        let photons = settings.photon.photons.div_ceil(parts.len() as u64);
+        for (part, mask, tint) in &parts {
+            let tracer = PathTracer::new(part, plan);
+            let lens = Lens::new(camera, settings.width, settings.height, tracer.origin);
+            let pass = Tracer::new(part, plan, Model::Physical).of_second_pass();
+            let (mut view, mut around) = (None, None);
+            if !part.regions.is_empty() && pass.strongest() > 0.0 {
+                let media = &tracer.bands[0].media;
+                let mut field = |basis: Basis, seen: &(dyn Fn(Box3) -> bool + Sync), first: u64, coarser: f64, fewer: u64| {
+                    let photons = photons.div_ceil(fewer);
+                    let voxels = (settings.photon.memory / BYTES) as usize / basis.len();
+                    let (scene, origin, seed) = (part, tracer.origin, settings.seed);
+                    let request = Request { scene, media, tracer: &pass, basis, origin, seen, photons, first, seed, voxels, coarser };
+                    let field = Field::new(request, progress)?;
+                    lighting.emitted += photons;
+                    lighting.voxels += field.voxels();
+                    Ok(Some(field))
+                };
+                view = field(Basis::view(part, lens.position()), &|brick| sees(&lens, media, brick), 0, 1.0, 1)?;
+                if !tracer.surfaces.is_empty() {
+                    around = field(Basis::Around, &|_| true, FIRST, COARSER, FEWER)?;
+                }
+            }
+            channels.push(Channel { tracer, view, around, mask: *mask, tint: *tint });
+        }
+        let origin = channels[0].tracer.origin;
+        Ok(GridTracer { channels, origin, lighting })
+    }
+}
+
+/// The grey scenes that make up a scene, with the channels that each stands for and the tint of its light: one, where sun and sky have the
+/// same, and nothing else is coloured.
+fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
+    let (sun, sky) = (scene.sun.irradiance, scene.sky);
+    let alike = (0..3).all(|c| (sun[c] * luminance(sky) - sky[c] * luminance(sun)).abs() <= 1e-9 * luminance(sky) * luminance(sun));
+    if !alike {
+        return by_channel(scene);
+    }
+    let mut parts = channels_of(scene, Model::Physical);
+    if luminance(sun) <= 0.0 && parts.len() == 1 && luminance(sky) > 0.0 {
+        parts[0].2 = (DVec3::from_array(sky) / luminance(sky)).as_vec3();
+    }
+    parts
+}
+
+/// Whether a camera may see anything of a box.
+fn sees(lens: &Lens, media: &Media, brick: Box3) -> bool {
+    let (centre, half) = ((brick.min + brick.max) * 0.5, (brick.max - brick.min) * 0.5);
+    if !lens.frames(centre, half.length()) {
+        return false;
+    }
+    let mut scratch = Scratch::default();
+    let origin = lens.position();
+    (0..27).any(|i| {
+        let way = centre + half * (Vec3::new((i / 9) as f32, (i / 3 % 3) as f32, (i % 3) as f32) - 1.0) - origin;
+        let distance = way.length();
+        distance <= half.x || media.optical_depth(&Ray { origin, direction: way / distance }, distance, &mut scratch) < HIDDEN
+    })
+}
+
+impl Channel {
+    /// What arrives along a camera ray, or from the sky behind.
+    fn radiance(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
+        let tracer = &self.tracer;
+        let (mut ray, mut reach) = (view.ray, view.reach);
+        let (mut arrival, mut throughput, mut layer) = (Arrival::default(), Vec3::ONE, Layer::Environment);
+        loop {
+            let hit = tracer.surfaces.nearest(&ray, reach);
+            let first = layer == Layer::Environment;
+            let (field, slice) = if first { (&self.view, SLICE) } else { (&self.around, COARSE) };
+            let stretch = self.march(&ray, hit.map_or(reach, |h| h.t), field.as_ref(), slice, rng, room);
+            arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * stretch.direct;
+            arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * stretch.indirect;
+            arrival.groups.iter_mut().zip(&stretch.groups).for_each(|(sum, &group)| *sum += throughput * group);
+            arrival.collisions += stretch.looks;
+            if first {
+                arrival.depth = match hit {
+                    Some(hit) => (stretch.far + f64::from(stretch.clear) * f64::from(hit.t), 1.0),
+                    None => (stretch.far, 1.0 - f64::from(stretch.clear)),
+                };
+            }
+            throughput *= stretch.clear;
+            let Some(hit) = hit else {
+                arrival.light[layer as usize] += throughput * tracer.sky;
+                return arrival;
+            };
+            layer = Layer::Surface;
+            throughput *= tracer.albedos[hit.owner as usize];
+            let kept = throughput.max_element().min(1.0);
+            if kept <= 0.0 {
+                return arrival;
+            }
+            let p = hit.off(&ray);
+            let light = tracer.sun.on_surface(&tracer.bands[0], &tracer.surfaces, p, &hit, rng, &mut room.scratch);
+            arrival.light[layer as usize] += throughput * light;
+            if rng.uniform_f32() >= kept {
+                return arrival;
+            }
+            throughput /= kept;
+            ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
+            reach = f32::INFINITY;
+        }
+    }
+
+    /// The first `reach` metres of a ray, by slices of the chance of a collision of at most `slice`.
+    fn march(&self, ray: &Ray, reach: f32, field: Option<&Field>, slice: f64, rng: &mut Rng, room: &mut Room) -> Stretch {
+        let (tracer, band) = (&self.tracer, &self.tracer.bands[0]);
+        band.media.profile(ray, reach, OPAQUE, &mut room.scratch, &mut room.profile);
+        let depth = room.profile.depth();
+        let chance = -(-depth).exp_m1();
+        let slices = (chance / slice).ceil() as u32;
+        let weight = chance / f64::from(slices.max(1));
+        let (mut direct, mut far, mut sums, mut step) = (Vec3::ZERO, 0.0, Groups::default(), 0);
+        for i in 0..slices {
+            let tau = -(-(f64::from(i) + rng.uniform()) * weight).ln_1p();
+            let distance = room.profile.distance(tau, &mut step);
+            let region = room.profile.region(distance, || rng.uniform());
+            let (albedo, g) = band.optics[region as usize];
+            let here = Ray { origin: ray.at(distance), direction: ray.direction };
+            direct += albedo * tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch).0;
+            far += f64::from(distance);
+            if let Some(field) = field {
+                field.scattered(here.origin, -ray.direction, g, band.media.optics(region).albedo as f32, &mut sums);
+            }
+        }
+        let tint = self.tint * weight as f32;
+        Stretch {
+            direct: direct * weight as f32,
+            indirect: sums.iter().sum::<f32>() * tint,
+            groups: sums.map(|sum| sum * tint),
+            clear: (-depth).exp() as f32,
+            far: far * weight,
+            looks: slices.into(),
+        }
+    }
+}
+
+impl Transport for GridTracer {
+    type Room = Room;
+
+    const PARTS: u32 = 2;
+
+    fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
+        let mut whole = Arrival::default();
+        for channel in &self.channels {
+            whole.add(&channel.radiance(view, rng, room), channel.mask);
+        }
+        whole
+    }
+
+    fn clear(&self, view: &View, room: &mut Room) -> (f64, bool) {
+        let hit = self.channels[0].tracer.surfaces.nearest(&view.ray, view.reach);
+        let reach = hit.map_or(view.reach, |h| h.t);
+        let depth = |channel: &Channel| channel.tracer.bands[0].media.optical_depth(&view.ray, reach, &mut room.scratch);
+        let sum: f64 = self.channels.iter().map(depth).map(|depth| (-depth).exp()).sum();
+        (sum / self.channels.len() as f64, hit.is_some())
+    }
+
+    fn scratch(room: &Room) -> &Scratch {
+        &room.scratch
+    }
+}
+
+#[cfg(test)]
+mod tests;

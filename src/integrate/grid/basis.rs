@@ -1,0 +1,116 @@
+//! What of light's directions a field keeps.
+
+use crate::integrate::lobe::Lobe;
+use crate::sampling::around;
+use crate::scene::Scene;
+use crate::scene::phase::sample_henyey_greenstein;
+use glam::Vec3;
+
+/// Real spherical harmonics of degrees 0 to 2.
+pub(super) const HARMONICS: usize = 9;
+
+/// The directions that light is gathered for.
+#[derive(Debug)]
+pub(super) enum Basis {
+    /// One camera: what each phase function of the scene scatters toward it.
+    View {
+        eye: Vec3,
+        /// The mean cosines, in increasing order.
+        cosines: Vec<f64>,
+        lobes: Vec<Lobe>,
+    },
+    /// Any: radiance by harmonics of its direction of travel. A phase function of mean cosine g scatters degree l by g^l.
+    Around,
+}
+
+impl Basis {
+    /// For a camera at `eye`.
+    pub fn view(scene: &Scene, eye: Vec3) -> Self {
+        let mut cosines: Vec<f64> = scene.regions.iter().map(|r| r.medium.g).collect();
+        cosines.sort_unstable_by(f64::total_cmp);
+        cosines.dedup();
+        let lobes = cosines.iter().map(|&g| Lobe::new(g, Vec3::Z)).collect();
+        Basis::View { eye, cosines, lobes }
+    }
+
+    /// Numbers that a voxel has.
+    pub fn len(&self) -> usize {
+        match self {
+            Basis::View { lobes, .. } => lobes.len(),
+            Basis::Around => HARMONICS,
+        }
+    }
+
+    /// The largest that light of 1 W m^-2 sr^-1 from one steradian can make any of them.
+    pub fn peak(&self) -> f64 {
+        match self {
+            Basis::View { lobes, .. } => lobes.iter().map(|lobe| f64::from(lobe.peak())).fold(0.0, f64::max),
+            Basis::Around => 1.1,
+        }
+    }
+
+    /// What light that travels along `direction` at `p` makes of each.
+    #[inline]
+    pub fn each(&self, p: Vec3, direction: Vec3, mut visit: impl FnMut(usize, f32)) {
+        match self {
+            Basis::View { eye, lobes, .. } => {
+                let outward = (*eye - p).normalize_or_zero();
+                for (number, lobe) in lobes.iter().enumerate() {
+                    visit(number, lobe.toward(outward).value(direction));
+                }
+            }
+            Basis::Around => harmonics(direction).into_iter().enumerate().for_each(|(number, y)| visit(number, y)),
+        }
+    }
+
+    /// What each counts in the light that a phase function of mean cosine `g` scatters into `outward`.
+    #[inline]
+    pub fn shares(&self, g: f64, outward: Vec3, mut visit: impl FnMut(usize, f32)) {
+        match self {
+            Basis::View { cosines, .. } => visit(cosines.iter().position(|&c| c == g).unwrap_or(0), 1.0),
+            Basis::Around => {
+                let g = g as f32;
+                for (number, y) in harmonics(outward).into_iter().enumerate() {
+                    visit(number, y * [1.0, g, g * g][[0, 1, 1, 1, 2, 2, 2, 2, 2][number]]);
+                }
+            }
+        }
+    }
+
+    /// A direction toward the camera, by a phase function of mean cosine `g` around it.
+    #[inline]
+    pub fn toward(&self, p: Vec3, g: f64, (u, v): (f64, f32)) -> Option<Vec3> {
+        let Basis::View { eye, .. } = self else { return None };
+        let (cos, sin) = sample_henyey_greenstein(g, u);
+        Some(around((*eye - p).try_normalize()?, cos as f32, sin as f32, v))
+    }
+
+    /// Of light scattered from `before` into `direction` at `p`, the part that belongs to the phase function's own sampling, where
+    /// directions are drawn by [`Basis::toward`] too, `aside` times as often (the balance heuristic; Veach 1997, 9.2).
+    #[inline]
+    pub fn own(&self, p: Vec3, before: Vec3, direction: Vec3, g: f64, aside: f32) -> f32 {
+        let Basis::View { eye, cosines, lobes } = self else { return 1.0 };
+        let Some(outward) = (*eye - p).try_normalize() else { return 1.0 };
+        let lobe = lobes[cosines.iter().position(|&c| c == g).unwrap_or(0)];
+        let own = lobe.toward(before).value(direction);
+        own / (own + aside * lobe.toward(outward).value(direction))
+    }
+}
+
+/// The real spherical harmonics of degrees 0 to 2, orthonormal, in a direction of unit length.
+#[inline]
+fn harmonics(d: Vec3) -> [f32; HARMONICS] {
+    // sqrt(1 / 4 pi), sqrt(3 / 4 pi), sqrt(15 / 4 pi), sqrt(5 / 16 pi), sqrt(15 / 16 pi)
+    const C: [f32; 5] = [0.282_094_8, 0.488_602_5, 1.092_548_4, 0.315_391_57, 0.546_274_2];
+    [
+        C[0],
+        C[1] * d.y,
+        C[1] * d.z,
+        C[1] * d.x,
+        C[2] * d.x * d.y,
+        C[2] * d.y * d.z,
+        C[3] * (3.0 * d.z * d.z - 1.0),
+        C[2] * d.x * d.z,
+        C[4] * (d.x * d.x - d.y * d.y),
+    ]
+}

@@ -1,0 +1,201 @@
+//! Smoothing what photons left in voxels, with little bias.
+//!
+//! Around each voxel a straight line in x, y and z is fitted to what lies within a Gaussian kernel (local linear regression; Fan and
+//! Gijbels 1996), to the light in the medium alone: light bends where the medium ends, and what is beyond says nothing about what is
+//! within. A voxel that the medium fills in part counts by its share, at the middle of that share. What the fit took away is fitted once more and given back (Tukey's twicing), so that the bias that is left falls as
+//! the fourth power of the kernel's width, at the boundary as elsewhere.
+
+use super::frame::Frame;
+use crate::scene::density::BRICK_VOXELS;
+use glam::{IVec3, Mat3, Vec3};
+use rayon::prelude::*;
+
+/// No kernel is narrower, in voxels.
+const NARROWEST: f64 = 0.3;
+/// None reaches beyond the next brick.
+const WIDEST: f64 = 3.4;
+/// A kernel ends at so many standard deviations.
+const REACH: f64 = 2.35;
+const SIDE: usize = 8;
+/// How often what a fit took away is fitted and given back.
+const GIVEN_BACK: u32 = 2;
+/// What keeps a fit to voxels in a plane from tilting freely, as a share of the kernel's variance.
+const RIDGE: f32 = 1e-3;
+/// With less medium in a kernel, as a share of it, nothing is fitted.
+const LEAST: f32 = 1e-4;
+
+/// A kernel, ready for the voxels of a frame.
+pub(super) struct Fit<'a> {
+    frame: &'a Frame,
+    /// By powers 0, 1 and 2 of the distance: values at -reach..=reach.
+    taps: [Vec<f32>; 3],
+    /// Of each voxel: what the sums of light, and of light times distance along each axis, count.
+    shares: Vec<[f32; 4]>,
+    fill: &'a [Fill],
+    needed: &'a [bool],
+}
+
+/// How much of a voxel holds medium, and the middle of that from the voxel's, in voxels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fill {
+    pub share: f32,
+    pub middle: Vec3,
+}
+
+impl<'a> Fit<'a> {
+    /// A kernel with a standard deviation of `width` voxels. `fill` is of each voxel, and `needed` says of each line of 8
+    /// along z whether any light there will be looked up.
+    pub fn new(frame: &'a Frame, fill: &'a [Fill], needed: &'a [bool], width: f64) -> Self {
+        let width = width.clamp(NARROWEST, WIDEST);
+        let reach = ((REACH * width).ceil() as usize).min(SIDE);
+        let tap = |i: usize, power: i32| {
+            let d = i as f64 - reach as f64;
+            ((-0.5 * (d / width).powi(2)).exp() * d.powi(power)) as f32
+        };
+        let taps = [0, 1, 2].map(|power| (0..=2 * reach).map(|i| tap(i, power)).collect());
+        let mut fit = Fit { frame, taps, shares: Vec::new(), fill, needed };
+        // Of the weights, and of the middles times them: 1, x, y, z, xx, xy, xz, yy, yz, zz.
+        let own: Vec<[f32; 4]> = fill.iter().map(|f| (f.middle * f.share).extend(f.share).to_array()).collect();
+        let x = [0, 1, 2].map(|p| fit.sums(&own, 0, p, None));
+        let y = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)].map(|(i, p)| fit.sums(&x[i], 1, p, None));
+        let z = [(0, 0), (3, 0), (1, 0), (0, 1), (5, 0), (4, 0), (3, 1), (2, 0), (1, 1), (0, 2)];
+        let z = z.map(|(i, p)| fit.sums(&y[i], 2, p, Some(needed)));
+        let ridge = RIDGE * (width * width) as f32;
+        let least = LEAST * fit.taps[0].iter().sum::<f32>().powi(3);
+        let shares = |v: usize| {
+            let weights = z.each_ref().map(|z| z[v][3]);
+            let middles = [&z[0], &z[1], &z[2], &z[3]].map(|z| Vec3::from_slice(&z[v]));
+            if weights[0] < least { [0.0; 4] } else { shares(weights, middles, ridge) }
+        };
+        fit.shares = (0..fill.len()).into_par_iter().map(shares).collect();
+        fit
+    }
+
+    /// Whether a voxel has medium enough around it.
+    pub fn holds(&self, voxel: usize) -> bool {
+        self.shares[voxel] != [0.0; 4]
+    }
+
+    /// Light per volume of the voxels, as it lies in their medium, to light at the voxels' centres, smoothed.
+    pub fn smooth<const N: usize>(&self, light: &[[f32; N]]) -> Vec<[f32; N]> {
+        let mut sum = self.once(light);
+        for _ in 0..GIVEN_BACK {
+            let rest = |(v, light): (usize, &[f32; N])| {
+                let (share, there) = (self.fill[v].share, self.in_medium(&sum, v));
+                std::array::from_fn(|i| light[i] - share * there[i])
+            };
+            let rest: Vec<[f32; N]> = light.par_iter().enumerate().map(rest).collect();
+            let back = self.once(&rest);
+            sum.par_iter_mut().zip(&back).for_each(|(s, b)| s.iter_mut().zip(b).for_each(|(s, b)| *s += b));
+        }
+        sum
+    }
+
+    /// Light in the middle of a voxel's medium.
+    fn in_medium<const N: usize>(&self, light: &[[f32; N]], voxel: usize) -> [f32; N] {
+        let Fill { share, middle } = self.fill[voxel];
+        if share <= 0.0 || middle == Vec3::ZERO {
+            return light[voxel];
+        }
+        let (mut sum, mut whole) = ([0.0; N], 0.0);
+        self.frame.beside(voxel, middle, |voxel, weight| {
+            if self.holds(voxel) {
+                whole += weight;
+                sum.iter_mut().zip(&light[voxel]).for_each(|(s, l)| *s += weight * l);
+            }
+        });
+        if whole > 0.0 { sum.map(|s| s / whole) } else { light[voxel] }
+    }
+
+    pub(super) fn once<const N: usize>(&self, own: &[[f32; N]]) -> Vec<[f32; N]> {
+        let mut out = vec![[0.0; N]; own.len()];
+        let mut add = |part: Vec<[f32; N]>, number: usize| {
+            out.par_iter_mut().zip(&part).zip(&self.shares).for_each(|((out, part), shares)| {
+                out.iter_mut().zip(part).for_each(|(o, p)| *o += shares[number] * p);
+            });
+        };
+        let last = |from: &[[f32; N]], power: usize| self.sums(from, 2, power, Some(self.needed));
+        let x = self.sums(own, 0, 0, None);
+        let xy = self.sums(&x, 1, 0, None);
+        add(last(&xy, 0), 0);
+        add(last(&xy, 1), 3);
+        add(last(&self.sums(&x, 1, 1, None), 0), 2);
+        let x = self.sums(own, 0, 1, None);
+        add(last(&self.sums(&x, 1, 0, None), 0), 1);
+        out
+    }
+
+    /// Sums along an axis, by the kernel times a power of the distance; of lines along z only those that are `needed`, if that is given.
+    fn sums<const N: usize>(&self, from: &[[f32; N]], axis: usize, power: usize, needed: Option<&[bool]>) -> Vec<[f32; N]> {
+        let (frame, taps) = (self.frame, &self.taps[power]);
+        let (stride, reach) = ([64, 8, 1][axis], taps.len() / 2);
+        // Of a brick, the first voxels of its lines along the axis.
+        let starts: Vec<usize> = (0..BRICK_VOXELS).filter(|v| v / stride % SIDE == 0).collect();
+        let mut out = vec![[0.0; N]; from.len()];
+        out.par_chunks_exact_mut(BRICK_VOXELS).zip(&frame.bricks).enumerate().for_each(|(number, (out, &brick))| {
+            let beside: [Option<usize>; 3] = std::array::from_fn(|i| frame.brick(brick + IVec3::AXES[axis] * (i as i32 - 1)));
+            let mut line = [[0.0; N]; 3 * SIDE];
+            for &start in &starts {
+                if needed.is_some_and(|needed| !needed[(number * BRICK_VOXELS + start) / SIDE]) {
+                    continue;
+                }
+                let mut any = false;
+                for (part, number) in line.chunks_exact_mut(SIDE).zip(beside) {
+                    for (k, to) in part.iter_mut().enumerate() {
+                        *to = number.map_or([0.0; N], |n| from[n * BRICK_VOXELS + start + k * stride]);
+                        any |= to[N - 1] != 0.0;
+                    }
+                }
+                // Much of a brick at the boundary is empty.
+                if !any {
+                    continue;
+                }
+                for k in 0..SIDE {
+                    let mut sum = [0.0; N];
+                    for (tap, from) in taps.iter().zip(&line[SIDE + k - reach..]) {
+                        for (s, f) in sum.iter_mut().zip(from) {
+                            *s += tap * f;
+                        }
+                    }
+                    out[start + k * stride] = sum;
+                }
+            }
+        });
+        out
+    }
+}
+
+/// Of each line of 8 voxels along z, whether there is medium in it or in the voxels around it.
+pub(super) fn needed(frame: &Frame, fill: &[Fill]) -> Vec<bool> {
+    let lines = |brick: usize| {
+        let offsets = (0..27).map(|i| IVec3::new(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1));
+        let around: Vec<(IVec3, usize)> = offsets.filter_map(|o| Some((o * SIDE as i32, frame.brick(frame.bricks[brick] + o)?))).collect();
+        (0..BRICK_VOXELS / SIDE).map(move |line| {
+            let (x, y) = ((line / SIDE) as i32, (line % SIDE) as i32);
+            around.iter().any(|&(first, number)| {
+                // The part of the neighbourhood of the line that lies in this brick.
+                let (low, high) = (IVec3::new(x - 1, y - 1, -1) - first, IVec3::new(x + 1, y + 1, SIDE as i32) - first);
+                let (low, high) = (low.max(IVec3::ZERO), high.min(IVec3::splat(SIDE as i32 - 1)));
+                (low.x..=high.x).any(|i| {
+                    (low.y..=high.y)
+                        .any(|j| (low.z..=high.z).any(|k| fill[number * BRICK_VOXELS + (i << 6 | j << 3 | k) as usize].share > 0.0))
+                })
+            })
+        })
+    };
+    (0..frame.bricks.len()).into_par_iter().flat_map_iter(lines).collect()
+}
+
+/// From the moments of the weights around a voxel, and those of the middles times them, to what each sum of light counts in the fit's
+/// value there: the first row of the inverse of the equations that say that the fit's errors, and those times distance, sum to zero.
+fn shares([one, x, y, z, xx, xy, xz, yy, yz, zz]: [f32; 10], middles: [Vec3; 4], ridge: f32) -> [f32; 4] {
+    let (d, dd) = (Vec3::new(x, y, z) / one, [Vec3::new(xx, xy, xz), Vec3::new(xy, yy, yz), Vec3::new(xz, yz, zz)]);
+    // Where the light is, and its spread by where voxels are: rows by voxel, columns by light.
+    let at = d + middles[0] / one;
+    let row = |i: usize| (dd[i] + middles[i + 1]) / one - d[i] * at + ridge * Vec3::AXES[i];
+    let slope = Mat3::from_cols(row(0), row(1), row(2)).inverse() * at / one;
+    if !slope.is_finite() {
+        return [1.0 / one, 0.0, 0.0, 0.0];
+    }
+    [1.0 / one + slope.dot(d), -slope.x, -slope.y, -slope.z]
+}

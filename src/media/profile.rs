@@ -1,0 +1,152 @@
+//! Extinction at a point, and all along a ray: what a march needs, looked up once.
+
+use super::{Media, Scratch, Solid};
+use crate::bvh::Box3;
+use crate::geom::Ray;
+use glam::Vec3;
+
+/// A stretch of a ray in one region, with even extinction.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    from: f32,
+    to: f32,
+    sigma: f32,
+    region: u32,
+}
+
+/// A stretch within which extinction is even, all regions together.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    from: f32,
+    to: f32,
+    /// Optical depth from the ray's start to here.
+    before: f64,
+    after: f64,
+}
+
+/// The optical depth along a ray, stretch by stretch; kept by the caller so that no ray allocates.
+#[derive(Debug, Default)]
+pub struct Profile {
+    pieces: Vec<Piece>,
+    steps: Vec<Step>,
+    ends: Vec<(f32, f32)>,
+}
+
+impl Profile {
+    /// The optical depth of the whole.
+    pub fn depth(&self) -> f64 {
+        self.steps.last().map_or(0.0, |s| s.after)
+    }
+
+    /// The distance at which the optical depth from the start is `tau`, below [`Profile::depth`]; `step` is where to look first,
+    /// and is moved on: ask for increasing depths.
+    pub fn distance(&self, tau: f64, step: &mut usize) -> f32 {
+        while *step + 1 < self.steps.len() && self.steps[*step].after <= tau {
+            *step += 1;
+        }
+        let Some(s) = self.steps.get(*step) else { return 0.0 };
+        let share = ((tau - s.before) / (s.after - s.before)).clamp(0.0, 1.0);
+        s.from + (s.to - s.from) * share as f32
+    }
+
+    /// A region at a distance, with a chance in proportion to its extinction there; `pick` in [0, 1).
+    pub fn region(&self, distance: f32, pick: impl FnOnce() -> f64) -> u32 {
+        let here = |p: &&Piece| p.from <= distance && distance <= p.to;
+        // Pieces are sorted by where they begin.
+        let last = self.pieces.partition_point(|p| p.from <= distance);
+        let begun = &self.pieces[..last];
+        let alone = self.ends.is_empty();
+        if alone {
+            return begun.last().or(self.pieces.first()).map_or(0, |p| p.region);
+        }
+        let sum: f64 = begun.iter().filter(here).map(|p| f64::from(p.sigma)).sum();
+        let (mut left, mut chosen) = (pick() * sum, begun.last().or(self.pieces.first()).map_or(0, |p| p.region));
+        for piece in begun.iter().filter(here) {
+            chosen = piece.region;
+            left -= f64::from(piece.sigma);
+            if left < 0.0 {
+                break;
+            }
+        }
+        chosen
+    }
+
+    /// Sorts pieces and adds up those that overlap.
+    fn settle(&mut self) {
+        self.steps.clear();
+        self.ends.clear();
+        let sorted = self.pieces.windows(2).all(|w| w[0].to <= w[1].from);
+        let mut depth = 0.0;
+        if sorted {
+            for p in &self.pieces {
+                let before = depth;
+                depth += f64::from(p.sigma) * (f64::from(p.to) - f64::from(p.from));
+                self.steps.push(Step { from: p.from, to: p.to, before, after: depth });
+            }
+            return;
+        }
+        self.pieces.sort_unstable_by(|a, b| a.from.total_cmp(&b.from).then(a.region.cmp(&b.region)));
+        for p in &self.pieces {
+            self.ends.push((p.from, p.sigma));
+            self.ends.push((p.to, -p.sigma));
+        }
+        self.ends.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let (mut at, mut sigma, mut inside) = (0.0f32, 0.0f64, 0u32);
+        for &(t, change) in &self.ends {
+            if t > at && inside > 0 {
+                let before = depth;
+                depth += sigma.max(0.0) * (f64::from(t) - f64::from(at));
+                self.steps.push(Step { from: at, to: t, before, after: depth });
+            }
+            at = t;
+            inside = if change.is_sign_positive() { inside + 1 } else { inside - 1 };
+            sigma = if inside == 0 { 0.0 } else { sigma + f64::from(change) };
+        }
+    }
+}
+
+impl Media {
+    /// Looks up the optical depth along the ray's first `t_max` metres: in closed form in homogeneous regions, by the exact mean of
+    /// each cell in grids. Grids end where what lies before alone has an optical depth of `most`.
+    pub fn profile(&self, ray: &Ray, t_max: f32, most: f64, scratch: &mut Scratch, out: &mut Profile) {
+        out.pieces.clear();
+        if !self.grids_alone() {
+            self.intervals(ray, t_max, scratch);
+            for i in &scratch.intervals {
+                let (from, to) = (i.enter.max(0.0), i.exit.min(t_max));
+                if from < to && to.is_finite() {
+                    out.pieces.push(Piece { from, to, sigma: self.optics(i.region).sigma_t as f32, region: i.region });
+                }
+            }
+        }
+        for grid in &self.grids {
+            let region = grid.region;
+            grid.pieces(ray, t_max, most, |from, to, sigma| out.pieces.push(Piece { from, to, sigma, region }));
+        }
+        out.settle();
+    }
+
+    /// Extinction at a point, 1/m: of all regions there.
+    pub fn extinction(&self, p: Vec3) -> f64 {
+        let mut sum = 0.0;
+        let query = Box3 { min: p, max: p };
+        self.balls.near(&query, |centre, radius, region| {
+            sum += if centre.distance_squared(p) <= radius * radius { self.optics(region).sigma_t } else { 0.0 };
+        });
+        for &region in &self.unbounded {
+            if let Solid::Slab { bottom, top } = self.solids[region as usize] {
+                sum += if bottom <= p.z && p.z <= top { self.optics(region).sigma_t } else { 0.0 };
+            }
+        }
+        self.others.overlapping(&query, |region| {
+            let holds = match &self.solids[region as usize] {
+                Solid::Ellipsoid { unit_from_world, centre } => (*unit_from_world * (p - *centre)).length_squared() <= 1.0,
+                Solid::Mesh(mesh) => mesh.holds(p),
+                Solid::Elsewhere | Solid::Slab { .. } => false,
+            };
+            sum += if holds { self.optics(region).sigma_t } else { 0.0 };
+            false
+        });
+        sum + self.grids.iter().map(|grid| self.optics(grid.region).sigma_t * f64::from(grid.density(p))).sum::<f64>()
+    }
+}

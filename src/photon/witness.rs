@@ -1,0 +1,36 @@
+//! Who is told where photons fly.
+
+use crate::geom::Ray;
+use crate::rng::Rng;
+use glam::Vec3;
+
+/// Who is told of photons' flights, and may have some of its own.
+pub trait Witness: Sync {
+    /// Whether photons are stored as well.
+    const KEEPS: bool;
+
+    /// A flight along a ray, which ends after `reach` metres or not at all, of a photon of that power (before it is divided by the
+    /// number of paths) that has collided or bounced `events` times.
+    fn flight(&self, ray: &Ray, reach: f32, power: f64, events: u64, rng: &mut Rng);
+
+    /// Whether a flight that begins at `p`, where a photon that came along `before` scatters with mean cosine `g`, is wanted in a
+    /// direction of the witness's own; and the part of the photon's power that it stands for.
+    fn aside(&self, _p: Vec3, _before: Vec3, _g: f64, _rng: &mut Rng) -> Option<(Vec3, f64)> {
+        None
+    }
+
+    /// What of the power is left to the photon's own flight in `direction`.
+    fn share(&self, _p: Vec3, _before: Vec3, _direction: Vec3, _g: f64) -> f64 {
+        1.0
+    }
+}
+
+/// Photons are stored, and nobody is told.
+pub(super) struct Store;
+
+impl Witness for Store {
+    const KEEPS: bool = true;
+
+    #[inline]
+    fn flight(&self, _: &Ray, _: f32, _: f64, _: u64, _: &mut Rng) {}
+}

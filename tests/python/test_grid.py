@@ -1,0 +1,63 @@
+"""`--integrator grid` as a user meets it: it shows what the path tracer shows, reaches the error that is asked for, and says no."""
+import json
+import math
+
+import pytest
+
+import command
+import cumulus
+import peers
+
+VIEW = ["--camera", "0,-5.2,0.2", "--look-at", "0,0,0.2", "--fov", "43", "--size", "48x36", "--sun", "0.8,0.4,-0.6", "--irradiance", "3"]
+MEDIUM = ["--sigma-t", "8", "--albedo", "0.999", "-g", "0.85"]
+
+
+@pytest.fixture(scope="module")
+def cloud(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("grid")
+    values, voxel, origin = cumulus.values(32)
+    return peers.grid(folder / "cloud.vdb", values, voxel, origin)["vdb"]
+
+
+def picture(cloud, folder, *arguments):
+    target, report = folder / "picture.exr", folder / "report.json"
+    command.succeed(cloud, "-o", target, "-o", report, "--overwrite", "-q", *MEDIUM, *VIEW, *arguments)
+    return peers.read_exr(target), json.loads(report.read_text())["render"]
+
+
+def test_it_reaches_the_error_and_shows_what_the_path_tracer_shows(cloud, tmp_path):
+    (layers, report), (other, _) = (picture(cloud, tmp_path, "--integrator", "grid", "--error", "6%", "--seed", seed) for seed in (1, 2))
+    truth, _ = picture(cloud, tmp_path, "--integrator", "path", "--spp", "200", "--seed", "3")
+    assert report["integrator"] == "grid" and report["relative_error"] <= 0.06
+    assert report["photons"]["voxels"] > 0 and report["photons"]["emitted"] >= 100_000
+    a, b, path = (x["Combined"].mean(axis=2).astype(float) for x in (layers, other, truth))
+    lit = path > 0.05 * path.max()
+    noise = math.sqrt(((a - b)[lit] ** 2).mean() / 2) / path[lit].mean()
+    # Two pictures know their noise to about a fifth, as their pixels err together.
+    assert 0.4 * report["relative_error"] < noise < 1.6 * report["relative_error"]
+    mean = (a + b).sum() / 2
+    doubt = math.hypot(abs(a.sum() - b.sum()) / 2, math.sqrt((truth["StandardError"].mean(axis=2).astype(float) ** 2).sum()))
+    assert abs(mean - path.sum()) < 3 * doubt + 0.012 * path.sum()
+    assert abs(layers["Transmittance"].mean() - truth["Transmittance"].mean()) < 0.01
+
+
+def test_the_same_seed_gives_the_same_bytes(cloud, tmp_path):
+    shots = []
+    for threads in (1, 3):
+        target = tmp_path / f"{threads}.exr"
+        command.succeed(cloud, "-o", target, "-q", *MEDIUM, *VIEW, "--integrator", "grid", "--photons", "20k", "--spp", "4", "--threads", threads)
+        shots.append(target.read_bytes())
+    assert shots[0] == shots[1]
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (["--integrator", "grid", "--error", "0.001%"], ["0.001%", "from 0.05% to 50%"]),
+    (["--integrator", "grid", "--error", "much"], ["much", "from 0.05% to 50%"]),
+    (["--integrator", "photon", "--error", "5%"], ["--error", "--integrator grid or path"]),
+    (["--integrator", "grid", "--memory", "1k"], ["--memory", "16M"]),
+    (["--integrator", "grid", "--periodic", "xy"], ["without end", "--integrator path"]),
+    (["--integrator", "grid", "--error", "5%", "--spp", "4"], ["--error", "--spp"]),
+])
+def test_it_says_no(cloud, tmp_path, arguments, words):
+    target = tmp_path / "no.exr"
+    command.refuse(cloud, "-o", target, *MEDIUM, *VIEW, *arguments, code=2, says=words, folder=tmp_path)
