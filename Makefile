@@ -70,8 +70,9 @@ crosscheck: build test-packages $(VENV)/.crosscheck ## The longer comparisons, w
 	cargo test --release --lib --test oracles -- --ignored --nocapture
 	$(PYTEST) -m long
 
-crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second and noise, beside Cycles and Mitsuba
+crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second and noise, beside Cycles and Mitsuba; the grid integrator
 	$(VENV)/bin/python tests/python/speed.py
+	$(VENV)/bin/python tests/python/grid_error.py
 
 lint: build-packages rust ## Formatting and clippy
 	cargo fmt --check
