@@ -54,8 +54,8 @@ const EXAMPLES: &str = "Examples:
   cloudvdb study --paper scenes/hura2006*.gltf           the thesis's tables again
   cloudvdb doctor cloud.vdb                              why a VDB looks wrong in Blender, and the fix";
 
-/// Voxels in less memory than this say nothing, bytes.
-const LEAST_MEMORY: u64 = 16_000_000;
+/// In less memory than this a scene's box may not fit, however coarse its voxels, bytes.
+const LEAST_MEMORY: u64 = 100_000_000;
 
 /// What else the command can do.
 #[derive(Debug, Subcommand)]
@@ -194,7 +194,7 @@ impl Run {
             _ => return usage("--spp must be from 1 to 4294967295"),
         };
         if self.memory < LEAST_MEMORY {
-            return usage("--memory: the voxels of the grid integrator need at least 16M (bytes)");
+            return usage("--memory: the voxels of the grid integrator need at least 100M (bytes)");
         }
         if self.error.is_some() && self.integrator == IntegratorArgument::Photon {
             return usage(

@@ -198,52 +198,6 @@ impl Tracer {
         items.into_par_iter().map(|item| self.batch(seed, item, None, wanted, &Store, progress)).collect()
     }
 
-    /// Paths in an item of [`Tracer::follow`].
-    pub const PATHS: u64 = BATCH_PATHS;
-
-    /// Follows the paths of some items, which start evenly over the silhouette, and tells a witness of every flight; none is stored.
-    ///
-    /// # Errors
-    /// [`Error::Interrupted`].
-    pub fn follow<W: Witness>(&self, items: Range<u64>, seed: u64, witness: &W, progress: &dyn Progress) -> Result<()> {
-        items.clone().into_par_iter().for_each(|item| {
-            if !progress.cancelled() {
-                self.batch(seed, item, Some(&items), 0, witness, progress);
-            }
-        });
-        progress.check()
-    }
-
-    /// About the most power that a path starts with, before it is divided by their number, W.
-    pub fn strongest(&self) -> f64 {
-        let share = self.share_of_sky();
-        let sun = if share < 1.0 { self.emitter.base_power() / (1.0 - share) } else { 0.0 };
-        sun.max(self.sky.map_or(0.0, |sky| sky.power() / share))
-    }
-
-    /// The share of paths of [`Tracer::follow`] that start in the sky.
-    fn share_of_sky(&self) -> f64 {
-        let Some(sky) = &self.sky else { return 0.0 };
-        let sun = self.emitter.base_power();
-        if sun > 0.0 { (sky.power() / (sky.power() + sun)).clamp(0.2, 0.8) } else { 1.0 }
-    }
-
-    /// Starts a path; in the sky too where it is one of a sample.
-    fn start(&self, rng: &mut Rng, along: Option<f64>) -> Start {
-        let share = if along.is_some() { self.share_of_sky() } else { 0.0 };
-        if let Some(sky) = self.sky.filter(|_| share > 0.0 && rng.uniform() < share) {
-            let start = sky.emit(rng);
-            return Start { power: start.power / share, ..start };
-        }
-        let start = self.emitter.emit(rng, &self.surfaces, along);
-        Start { power: start.power / (1.0 - share), ..start }
-    }
-
-    /// The area, across the sunlight, over which photons start, m^2.
-    pub fn silhouette(&self) -> f64 {
-        self.emitter.area()
-    }
-
     /// The share of sunlight that crosses the scene's own regions, and the `other` ones, without a collision: over the sunlight
     /// that the emitter aims at the scene, by 16 batches of 1024 rays.
     pub fn sunlight_through(&self, other: &[Region], seed: u64) -> (Estimate, Estimate) {
@@ -482,3 +436,5 @@ impl Batch {
         }
     }
 }
+
+mod follow;
