@@ -44,6 +44,18 @@ enum Solid {
     Mesh(TriMesh),
 }
 
+impl Solid {
+    /// Whether a point is inside a shape that stands here.
+    fn holds(&self, p: Vec3) -> bool {
+        match self {
+            Solid::Ellipsoid { unit_from_world, centre } => (*unit_from_world * (p - *centre)).length_squared() <= 1.0,
+            Solid::Slab { bottom, top } => *bottom <= p.z && p.z <= *top,
+            Solid::Mesh(mesh) => mesh.holds(p),
+            Solid::Elsewhere => false,
+        }
+    }
+}
+
 /// Room for the intervals of one ray; kept by the caller so that no flight allocates.
 #[derive(Debug, Default)]
 pub struct Scratch {

@@ -287,7 +287,7 @@ argument!(/// `--placement`
 argument!(/// `--integrator`
     IntegratorArgument for Integrator { /// the reference: unbiased path tracing
         Path, /// the thesis's pass 2: sunlight that scattered once, and stored photons for the rest
-        Photon, /// photons' light toward the camera in voxels, smoothed: hundreds of times faster
+        Photon, /// photons' light toward the camera in voxels, smoothed: much faster
         Grid });
 argument!(/// `--gather`
     GatherArgument for Gathering { /// the nearest at points along a ray (the thesis)

@@ -41,7 +41,7 @@ pub struct Depth {
 /// Measures the density, and says what follows; `None` where it cannot be measured.
 pub fn judge(grid: &Grid, values: &Values, findings: &mut Findings) -> Option<Depth> {
     let transform = grid.transform.as_ref()?;
-    let Some(columns) = grid.columns else {
+    let Some(columns) = values.columns else {
         let says = format!(
             "Tiles of the grid {:?} span more columns of voxels than are looked through: its optical depth is not known.",
             grid.name

@@ -1,9 +1,10 @@
 //! A grid as the document has it.
 
-use crate::vdb::{Columns, Exam, GridContents, Meta, Unread};
+use crate::vdb::{Exam, GridContents, Meta, Unread};
 use glam::{DAffine3, DVec3};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::ops::{Deref, DerefMut};
 
 /// What is in a grid.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -30,9 +31,6 @@ pub struct Grid {
     /// Why its values cannot be read.
     #[serde(skip)]
     pub unread: Option<Unread>,
-    /// The columns of voxels along its axes.
-    #[serde(skip)]
-    pub columns: Option<Columns>,
 }
 
 /// An affine transform from index space to the world.
@@ -60,39 +58,30 @@ impl Transform {
     }
 }
 
-/// What a grid's values are. Active ones, unless it says otherwise; vectors count by their mean.
+/// What a grid's values are.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Values {
-    /// Active voxels, those in tiles included.
-    pub active_voxels: u64,
-    /// Bricks of 8 x 8 x 8 voxels.
-    pub leaves: u64,
-    /// Cubes of one value.
-    pub tiles: u64,
-    /// The tree in memory, in bytes.
-    pub memory: u64,
-    /// The smallest and the largest index of active voxels.
-    pub index_box: Option<[[i32; 3]; 2]>,
-    /// The corners of what they fill in the world, in metres; absent for a frustum.
+    /// What a look at every one of them found.
+    #[serde(flatten)]
+    pub exam: Exam,
+    /// The corners of what active voxels fill in the world, in metres; absent for a frustum.
     pub world_box: Option<[[f64; 3]; 2]>,
     /// The box as dense 32-bit floats, in bytes: what the viewport and EEVEE make of it.
     pub dense_bytes: f64,
-    /// The smallest finite value.
-    pub lowest: f64,
-    /// The largest finite value.
-    pub highest: f64,
-    /// Their mean.
-    pub mean: f64,
-    /// How many are not a number.
-    pub nan: u64,
-    /// How many are infinite.
-    pub infinite: u64,
-    /// How many are below 0.
-    pub negative: u64,
-    /// How many inactive voxels hold other than 0 and the background.
-    pub inactive: u64,
-    /// What all other space holds.
-    pub background: f64,
+}
+
+impl Deref for Values {
+    type Target = Exam;
+
+    fn deref(&self) -> &Exam {
+        &self.exam
+    }
+}
+
+impl DerefMut for Values {
+    fn deref_mut(&mut self) -> &mut Exam {
+        &mut self.exam
+    }
 }
 
 impl Values {
@@ -108,7 +97,8 @@ impl Grid {
     pub fn of(contents: GridContents) -> Self {
         let GridContents { info, compression, bytes, exam } = contents;
         let channels = if info.value_type.starts_with("vec") { 3.0 } else { 1.0 };
-        let values = exam.as_ref().ok().map(|exam| values(exam, info.world_from_index.as_ref(), channels));
+        let (exam, unread) = exam.map_or_else(|unread| (None, Some(unread)), |exam| (Some(exam), None));
+        let values = exam.map(|exam| values(exam, info.world_from_index.as_ref(), channels));
         Grid {
             name: info.name,
             value_type: info.value_type,
@@ -119,8 +109,7 @@ impl Grid {
             transform: info.world_from_index.as_ref().map(Transform::of),
             values,
             metadata: metadata(&info.metadata),
-            columns: exam.as_ref().ok().and_then(|exam| exam.columns),
-            unread: exam.err(),
+            unread,
         }
     }
 
@@ -136,25 +125,10 @@ impl Grid {
     }
 }
 
-fn values(exam: &Exam, world: Option<&DAffine3>, channels: f64) -> Values {
-    let mut values = Values {
-        active_voxels: exam.active_voxels,
-        leaves: exam.leaves,
-        tiles: exam.tiles,
-        memory: exam.memory,
-        index_box: exam.active,
-        lowest: exam.lowest,
-        highest: exam.highest,
-        mean: exam.mean,
-        nan: exam.nan,
-        infinite: exam.infinite,
-        negative: exam.negative,
-        inactive: exam.inactive,
-        background: exam.background,
-        ..Values::default()
-    };
+fn values(exam: Exam, world: Option<&DAffine3>, channels: f64) -> Values {
+    let mut values = Values { exam, ..Values::default() };
     values.dense_bytes = values.sides().map_or(0.0, |sides| sides.iter().map(|&s| s as f64).product::<f64>() * 4.0 * channels);
-    values.world_box = exam.active.zip(world).map(|(ends, world)| {
+    values.world_box = values.index_box.zip(world).map(|(ends, world)| {
         // Voxels reach half an edge beyond their samples.
         let corner = |i: usize| DVec3::from_array(std::array::from_fn(|a| f64::from(ends[i >> a & 1][a]) + (i >> a & 1) as f64 - 0.5));
         let corners = (0..8).map(|i| world.transform_point3(corner(i)));

@@ -51,7 +51,7 @@ pub fn judge(grid: &Grid, values: &Values, findings: &mut Findings) {
     if let Some([low, high]) = values.world_box {
         position(grid, transform, DVec3::from_array(low), DVec3::from_array(high), findings);
     }
-    if let Some(columns) = grid.columns
+    if let Some(columns) = values.columns
         && let Some(share) = lies_on_minus_y(transform, &columns)
     {
         let says = format!(

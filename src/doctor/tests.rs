@@ -5,7 +5,7 @@ use super::file::judge;
 use super::place::lies_on_minus_y;
 use super::sequence::better;
 use super::{Findings, Grid, Severity, Transform, Values, chosen};
-use crate::vdb::{Columns, Unread};
+use crate::vdb::{Columns, Exam, Unread};
 use std::collections::BTreeSet;
 
 /// A fog volume of 20 x 20 x 20 voxels of 0.1 m about the origin, whose values are 0 to 1.
@@ -17,14 +17,17 @@ fn cloud() -> Grid {
         class: "fog volume".into(),
         transform: Some(Transform { axes: std::array::from_fn(edge), origin: [0.0; 3], voxel: [0.1; 3] }),
         values: Some(Values {
-            active_voxels: 4000,
-            index_box: Some([[-10; 3], [9; 3]]),
+            exam: Exam {
+                active_voxels: 4000,
+                index_box: Some([[-10; 3], [9; 3]]),
+                highest: 1.0,
+                mean: 0.5,
+                columns: Some(Columns { sum: [15.0; 3], flat: [[0.1; 2]; 3] }),
+                ..Exam::default()
+            },
             world_box: Some([[-1.0; 3], [1.0; 3]]),
-            highest: 1.0,
-            mean: 0.5,
             ..Values::default()
         }),
-        columns: Some(Columns { sum: [15.0; 3], flat: [[0.1; 2]; 3] }),
         ..Grid::default()
     }
 }
@@ -78,8 +81,7 @@ fn values_on_either_side_of_their_rules() {
 #[test]
 fn depth_on_either_side_of_its_rules() {
     let deep = |depths: [f64; 3], scale: Option<f64>| {
-        let mut grid = cloud();
-        grid.columns = Some(Columns { sum: depths.map(|d| d / 0.1), flat: [[0.1; 2]; 3] });
+        let mut grid = with(|v| v.columns = Some(Columns { sum: depths.map(|d| d / 0.1), flat: [[0.1; 2]; 3] }));
         grid.metadata.extend(scale.map(|s| ("density_scale".to_string(), s.into())));
         let mut findings = Findings::default();
         let depth = judge(&[grid], &mut findings).unwrap();
@@ -167,9 +169,9 @@ fn names() {
     assert_eq!(found(&[cloud(), cloud()]), ["!same-name"]);
     assert_eq!(found(&[cloud(), named("heat"), named("heat")]), ["same-name"]);
     assert_eq!(one(Grid { value_type: "vec3s".into(), ..cloud() }), ["vectors"]);
-    let points = Grid { value_type: "Tree_ptdataidx32_5_4_3".into(), unread: Some(Unread::Type), values: None, columns: None, ..cloud() };
+    let points = Grid { value_type: "Tree_ptdataidx32_5_4_3".into(), unread: Some(Unread::Type), values: None, ..cloud() };
     assert_eq!(one(points), ["!type"]);
-    let damaged = Grid { unread: Some(Unread::Damaged("it ends early".into())), values: None, columns: None, ..cloud() };
+    let damaged = Grid { unread: Some(Unread::Damaged("it ends early".into())), values: None, ..cloud() };
     assert_eq!(one(damaged), ["!damaged"]);
     // Who is meant.
     let vel = Grid { value_type: "vec3s".into(), ..named("vel") };

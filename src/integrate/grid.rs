@@ -247,11 +247,12 @@ impl Transport for GridTracer {
     }
 
     fn clear(&self, view: &View, room: &mut Room) -> (f64, bool) {
-        let hit = self.channels[0].tracer.surfaces.nearest(&view.ray, view.reach);
-        let reach = hit.map_or(view.reach, |h| h.t);
-        let depth = |channel: &Channel| channel.tracer.bands[0].media.optical_depth(&view.ray, reach, &mut room.scratch);
-        let sum: f64 = self.channels.iter().map(depth).map(|depth| (-depth).exp()).sum();
-        (sum / self.channels.len() as f64, hit.is_some())
+        let mut sum = (0.0, false);
+        for channel in &self.channels {
+            let (clear, surface) = channel.tracer.clear(view, &mut room.scratch);
+            sum = (sum.0 + clear / self.channels.len() as f64, surface);
+        }
+        sum
     }
 
     fn scratch(room: &Room) -> &Scratch {

@@ -31,12 +31,7 @@ impl Media {
             }
         }
         self.others.overlapping(&query, |region| {
-            let holds = |p: Vec3| match &self.solids[region as usize] {
-                Solid::Ellipsoid { unit_from_world, centre } => (*unit_from_world * (p - *centre)).length_squared() <= 1.0,
-                Solid::Mesh(mesh) => mesh.holds(p),
-                Solid::Elsewhere | Solid::Slab { .. } => false,
-            };
-            mass += sigma_t(region) * whole * share(&|p| f64::from(u8::from(holds(p))));
+            mass += sigma_t(region) * whole * share(&|p| f64::from(u8::from(self.solids[region as usize].holds(p))));
             false
         });
         for grid in &self.grids {

@@ -1,6 +1,6 @@
 //! Extinction at a point, and all along a ray: what a march needs, looked up once.
 
-use super::{Media, Scratch, Solid};
+use super::{Media, Scratch};
 use crate::bvh::Box3;
 use crate::geom::Ray;
 use glam::Vec3;
@@ -133,18 +133,10 @@ impl Media {
         self.balls.near(&query, |centre, radius, region| {
             sum += if centre.distance_squared(p) <= radius * radius { self.optics(region).sigma_t } else { 0.0 };
         });
-        for &region in &self.unbounded {
-            if let Solid::Slab { bottom, top } = self.solids[region as usize] {
-                sum += if bottom <= p.z && p.z <= top { self.optics(region).sigma_t } else { 0.0 };
-            }
-        }
+        let mut one = |region: u32| sum += if self.solids[region as usize].holds(p) { self.optics(region).sigma_t } else { 0.0 };
+        self.unbounded.iter().for_each(|&region| one(region));
         self.others.overlapping(&query, |region| {
-            let holds = match &self.solids[region as usize] {
-                Solid::Ellipsoid { unit_from_world, centre } => (*unit_from_world * (p - *centre)).length_squared() <= 1.0,
-                Solid::Mesh(mesh) => mesh.holds(p),
-                Solid::Elsewhere | Solid::Slab { .. } => false,
-            };
-            sum += if holds { self.optics(region).sigma_t } else { 0.0 };
+            one(region);
             false
         });
         sum + self.grids.iter().map(|grid| self.optics(grid.region).sigma_t * f64::from(grid.density(p))).sum::<f64>()

@@ -179,13 +179,19 @@ impl Silhouette {
 
 impl Skirt {
     fn sample(&self, rng: &mut Rng) -> (Vec2, f64) {
-        let c = 1.0 / (1.0 - rng.uniform());
-        let rho = f64::from(self.radius) * (c * c - 1.0).max(0.0).sqrt();
-        let (sin, cos) = (std::f64::consts::TAU * rng.uniform()).sin_cos();
-        let r2 = f64::from(self.radius).powi(2);
-        let pdf = (1.0 + rho * rho / r2).powf(-1.5) / (std::f64::consts::TAU * r2);
-        (self.centre + Vec2::new((rho * cos) as f32, (rho * sin) as f32), pdf)
+        let (p, pdf) = aside(self.radius, rng);
+        (self.centre + p, pdf)
     }
+}
+
+/// A point of a plane with density 1 / (2 pi r^2) (1 + rho^2/r^2)^(-3/2) around 0, and that density, 1/m^2.
+pub(super) fn aside(radius: f32, rng: &mut Rng) -> (Vec2, f64) {
+    let c = 1.0 / (1.0 - rng.uniform());
+    let rho = f64::from(radius) * (c * c - 1.0).max(0.0).sqrt();
+    let (sin, cos) = (std::f64::consts::TAU * rng.uniform()).sin_cos();
+    let r2 = f64::from(radius).powi(2);
+    let pdf = (1.0 + rho * rho / r2).powf(-1.5) / (std::f64::consts::TAU * r2);
+    (Vec2::new((rho * cos) as f32, (rho * sin) as f32), pdf)
 }
 
 /// Slabs go on for ever: light is started over their tile. Beside other regions the tile is widened by three times the
@@ -203,12 +209,16 @@ fn tile(scene: &Scene, origin: DVec3, axis: Vec3) -> Target {
     Target::Tile { min: min.truncate(), size: (max - min).truncate(), top: top + top.abs() * 1e-6 }
 }
 
+/// How far a box reaches from `origin`, m.
+pub(super) fn reach(b: Bounds, origin: DVec3) -> f32 {
+    ((b.min - origin).abs().max((b.max - origin).abs())).length() as f32 * 1.001 + f32::MIN_POSITIVE
+}
+
 fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces: bool) -> Silhouette {
     let (u, v) = basis(axis);
     let bounds = scene.region_bounds();
     let everything = scene.surfaces.iter().fold(bounds, |b, s| b.union(s.mesh.bounds()));
-    let reach = |b: Bounds| ((b.min - origin).abs().max((b.max - origin).abs())).length() as f32 * 1.001 + f32::MIN_POSITIVE;
-    let upstream = reach(scene.region_support());
+    let upstream = reach(scene.region_support(), origin);
     // The sun's disc spreads by the tangent of its half angle over the distance between a region and the plane, and a slanted
     // ray has the farther to go. Of a disc as wide as the sky, the last millionth of its light is left out.
     let cos_alpha = (1.0 - sin_alpha * sin_alpha).max(1e-6).sqrt();
@@ -236,7 +246,7 @@ fn silhouette(scene: &Scene, origin: DVec3, axis: Vec3, sin_alpha: f32, bounces:
     let cells: Vec<u32> = (0..mask.len() as u32).filter(|&i| mask[i as usize]).collect();
     let mut curve = cells.clone();
     curve.sort_by_key(|&cell| morton(cell % width as u32) | morton(cell / width as u32) << 1);
-    let far = reach(everything);
+    let far = reach(everything, origin);
     let height = |p: DVec3| (p - origin).dot(-scene.sun.direction);
     // Turned by the sun's disc, a vertex at the far end rises by at most the disc's share of its distance.
     let tilt = f64::from(sin_alpha * far);
@@ -289,16 +299,15 @@ fn project(shape: &Shape, origin: DVec3, u: Vec3, v: Vec3, spread: f32, out: &mu
             let round = (half.x - half.y).abs() <= 1e-5 * half.x && is_round(world_from_unit.matrix3);
             cast(centre, half, round);
         }
-        // Each block of samples that holds anything, and a sample more all around.
+        // Of each block what holds anything, and a sample more all around.
         Shape::Grid(grid) => {
             let world = grid.bricks.world_from_index;
-            let half = 0.5 * f64::from(BLOCK + 1);
-            let across = |w: Vec3| (half * (world.matrix3.transpose() * w.as_dvec3()).abs().element_sum()) as f32;
-            let half_extent = Vec2::new(across(u), across(v));
+            let across = |w: Vec3, half: DVec3| half.dot((world.matrix3.transpose() * w.as_dvec3()).abs()) as f32;
             for (brick, &first) in grid.bricks.origins.iter().enumerate() {
-                for corner in filled_blocks(grid.bricks.brick(brick)) {
-                    let middle = (IVec3::from_array(first) + corner).as_dvec3() + half - 1.0;
-                    cast((world.transform_point3(middle) - origin).as_vec3(), half_extent, false);
+                for (low, high) in filled_blocks(grid.bricks.brick(brick)) {
+                    let middle = IVec3::from_array(first).as_dvec3() + 0.5 * (low + high).as_dvec3();
+                    let half = 0.5 * (high - low).as_dvec3() + 1.0;
+                    cast((world.transform_point3(middle) - origin).as_vec3(), Vec2::new(across(u, half), across(v, half)), false);
                 }
             }
         }
@@ -309,14 +318,16 @@ fn project(shape: &Shape, origin: DVec3, u: Vec3, v: Vec3, spread: f32, out: &mu
     }
 }
 
-/// The first samples of a brick's blocks that hold anything.
-fn filled_blocks(samples: &[f32]) -> impl Iterator<Item = IVec3> {
-    let mut filled = [false; 8];
+/// Of a brick's blocks that hold anything, the first and the last of the samples that do, along each axis.
+fn filled_blocks(samples: &[f32]) -> impl Iterator<Item = (IVec3, IVec3)> {
+    let mut blocks = [(IVec3::MAX, IVec3::MIN); 8];
     for (i, _) in samples.iter().enumerate().filter(|(_, s)| **s != 0.0) {
-        filled[i >> 8 << 2 | (i >> 5 & 1) << 1 | i >> 2 & 1] = true;
+        let at = IVec3::new(i as i32 >> 6, i as i32 >> 3 & 7, i as i32 & 7);
+        let block = at / BLOCK;
+        let (low, high) = &mut blocks[(block.x << 2 | block.y << 1 | block.z) as usize];
+        (*low, *high) = (low.min(at), high.max(at));
     }
-    let corner = |b: i32| IVec3::new(b >> 2, b >> 1 & 1, b & 1) * BLOCK;
-    (0..8).filter(move |&b| filled[b as usize]).map(corner)
+    blocks.into_iter().filter(|(low, high)| low.cmple(*high).all())
 }
 
 fn is_sphere(shape: &Shape) -> bool {

@@ -1,11 +1,12 @@
 //! Photons of an even sky: from all directions alike, aimed at the regions and at what surfaces may send toward them.
 
-use super::emit::Start;
+use super::emit::{Start, aside, reach};
 use crate::geom::{Ray, basis};
 use crate::rng::Rng;
+use crate::sampling::around;
 use crate::scene::Scene;
 use crate::scene::medium::luminance;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 
 /// The sky, compiled.
@@ -30,8 +31,7 @@ impl Sky {
             return None;
         }
         let everything = scene.surfaces.iter().fold(bounds, |b, s| b.union(s.mesh.bounds()));
-        let reach = |b: crate::geom::Bounds| (b.min - origin).abs().max((b.max - origin).abs()).length() as f32 * 1.001 + f32::MIN_POSITIVE;
-        Some(Sky { radiance, radius: reach(bounds), far: reach(everything), beside: bounces && !scene.surfaces.is_empty() })
+        Some(Sky { radiance, radius: reach(bounds, origin), far: reach(everything, origin), beside: bounces && !scene.surfaces.is_empty() })
     }
 
     /// The power of the light that meets the regions' bounding sphere, W.
@@ -39,26 +39,22 @@ impl Sky {
         self.radiance * 4.0 * PI * PI * f64::from(self.radius).powi(2)
     }
 
-    /// Starts one photon. Where light beside the regions counts, its distance from the middle has the density
-    /// 1 / (2 pi r^2) (1 + rho^2 / r^2)^(-3/2), as what ground at that distance can send back falls.
+    /// Starts one photon. Where light beside the regions counts, it starts the more seldom the farther from them, as what ground there can
+    /// send back falls ([`aside`]).
     pub fn emit(&self, rng: &mut Rng) -> Start {
         let z = 1.0 - 2.0 * rng.uniform();
-        let (sin, cos) = (TAU * rng.uniform()).sin_cos();
-        let s = (1.0 - z * z).max(0.0).sqrt();
-        let direction = DVec3::new(s * cos, s * sin, z).as_vec3().normalize();
+        let direction = around(Vec3::Z, z as f32, (1.0 - z * z).max(0.0).sqrt() as f32, rng.uniform_f32()).normalize();
         let (u, v) = basis(direction);
-        let r2 = f64::from(self.radius).powi(2);
-        let xi = rng.uniform();
-        let (rho, area) = if self.beside {
-            let c = 1.0 / (1.0 - xi);
-            ((r2 * (c * c - 1.0).max(0.0)).sqrt(), TAU * r2 * c.powi(3))
+        let (p, pdf) = if self.beside {
+            aside(self.radius, rng)
         } else {
-            ((r2 * xi).sqrt(), PI * r2)
+            let (sin, cos) = (TAU * rng.uniform()).sin_cos();
+            let rho = f64::from(self.radius) * rng.uniform().sqrt();
+            (Vec2::new((rho * cos) as f32, (rho * sin) as f32), 1.0 / (PI * f64::from(self.radius).powi(2)))
         };
-        let (sin, cos) = (TAU * rng.uniform()).sin_cos();
-        let p: Vec3 = u * (rho * cos) as f32 + v * (rho * sin) as f32 - direction * (self.far + if self.beside { rho as f32 } else { 0.0 });
         // Beyond all surfaces nothing sends light back.
-        let power = if self.beside && rho > 4.0 * f64::from(self.far) { 0.0 } else { self.radiance * 4.0 * PI * area };
-        Start { ray: Ray { origin: p, direction }, power, counted: false, scattered: true }
+        let power = if p.length() > self.far { 0.0 } else { self.radiance * 4.0 * PI / pdf };
+        let origin = u * p.x + v * p.y - direction * self.far;
+        Start { ray: Ray { origin, direction }, power, counted: false, scattered: true }
     }
 }

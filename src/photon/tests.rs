@@ -7,9 +7,10 @@ use crate::plan::{Density, Plan};
 use crate::progress::Silent;
 use crate::rng::{Rng, Stage};
 use crate::sampling::unit_ball;
-use crate::scene::{Medium, Mesh, Region, Scene, Shape, Sun, Surface};
+use crate::scene::{BrickGrid, Medium, Mesh, Region, Scene, Shape, Sun, Surface, VoxelGrid};
 use crate::stats::Estimate;
-use glam::{DVec2, DVec3, Vec2};
+use glam::{DAffine3, DVec2, DVec3, Vec2};
+use std::sync::Arc;
 
 fn region(shape: Shape, medium: Medium) -> Region {
     Region { name: "r".into(), shape, medium, photons: None }
@@ -235,4 +236,23 @@ fn trees_stand_photons_that_share_a_point_or_a_plane() {
     let plane: Vec<Photon> = (0..50_000).map(|i| photon((i % 250) as f32, (i / 250) as f32)).collect();
     assert_eq!(PhotonTree::new(&plane).unwrap().count_within(Vec3::new(100.0, 100.0, 0.5), 1.1), 5);
     assert_eq!(PhotonTree::new(&[]).map_or(0, |t| t.count_within(Vec3::ZERO, 1.0)), 0);
+}
+
+/// Light starts over what a grid holds and a sample around it, not over its blocks, bricks or box.
+#[test]
+fn the_silhouette_of_voxels_is_that_of_what_they_hold() {
+    let area = |filled: &[[usize; 3]]| {
+        let mut values = vec![0.0; 512];
+        filled.iter().for_each(|[x, y, z]| values[x << 6 | y << 3 | z] = 1.0);
+        let bricks = BrickGrid { world_from_index: DAffine3::IDENTITY, origins: vec![[0; 3]], values };
+        let grid = Shape::Grid(Arc::new(VoxelGrid::new(bricks, [0; 3], [7; 3], false)));
+        let mut scene = overhead(vec![region(grid, Medium::with_albedo(1.0, 0.9, 0.0))]);
+        scene.sun.angular_diameter = 0.0;
+        tracer(&scene, Model::Physical).silhouette()
+    };
+    // The mask's cells add a little.
+    for (filled, truth) in [(vec![[1, 2, 0]], 4.0), (vec![[1, 2, 0], [6, 6, 7]], 8.0), (vec![[1, 2, 0], [2, 3, 5], [1, 3, 7]], 8.0)] {
+        let found = area(&filled);
+        assert!((truth..1.02 * truth).contains(&found), "{filled:?}: {found} instead of {truth}");
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::{GridInfo, Meta, describe, ffi, meta, scan};
 use crate::error::Result;
+use serde::Serialize;
 use std::path::Path;
 
 /// A file, with each of its grids looked through.
@@ -40,7 +41,7 @@ pub enum Unread {
 }
 
 /// What a look at every value of a grid finds. Vectors count by the mean of their three numbers, as Cycles takes them for a density.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Exam {
     /// Active voxels, those in tiles included.
     pub active_voxels: u64,
@@ -51,7 +52,7 @@ pub struct Exam {
     /// What the tree takes in memory, in bytes.
     pub memory: u64,
     /// The smallest and the largest index of active voxels, zeros included; `None` where none is active.
-    pub active: Option<[[i32; 3]; 2]>,
+    pub index_box: Option<[[i32; 3]; 2]>,
     /// The smallest active value that is finite; 0 where there is none.
     pub lowest: f64,
     /// The largest.
@@ -69,6 +70,7 @@ pub struct Exam {
     /// What the grid says of all space without a voxel or tile.
     pub background: f64,
     /// The columns of voxels along each axis; `None` where tiles span more than can be looked through.
+    #[serde(skip)]
     pub columns: Option<Columns>,
 }
 
@@ -119,7 +121,7 @@ fn exam(found: ffi::Exam) -> Exam {
         leaves: found.leaves,
         tiles: found.tiles,
         memory: found.memory,
-        active: match *found.active {
+        index_box: match *found.active {
             [x0, y0, z0, x1, y1, z1] => Some([[x0, y0, z0], [x1, y1, z1]]),
             _ => None,
         },

@@ -2,7 +2,6 @@
 
 use super::basis::Basis;
 use super::field::{Groups, Request};
-use super::fit::Fill;
 use super::space::Space;
 use crate::error::Result;
 use crate::geom::Ray;
@@ -30,7 +29,7 @@ const WHOLE: f64 = (1u64 << 36) as f64;
 /// # Errors
 /// [`crate::Error::Interrupted`].
 pub(super) fn gathered(request: &Request, space: &Space, progress: &dyn Progress) -> Result<Vec<Vec<Groups>>> {
-    let Space { frame, fill, usual } = space;
+    let Space { frame, usual, .. } = space;
     let (tracer, basis) = (request.tracer, &request.basis);
     let items = request.photons.div_ceil(GROUPS as u64 * Tracer::PATHS);
     let step = f64::from(frame.step);
@@ -38,7 +37,7 @@ pub(super) fn gathered(request: &Request, space: &Space, progress: &dyn Progress
     let whole = WHOLE / (tracer.strongest() * basis.peak());
     let values = frame.voxels() * basis.len();
     let sums = (0..values * CLASSES.len()).into_par_iter().map(|_| AtomicU64::new(0)).collect();
-    let deposits = Deposits { space, basis, media: request.media, fill, sums, whole, spacing: spacing as f32 };
+    let deposits = Deposits { space, basis, media: request.media, sums, whole, spacing: spacing as f32 };
     let mut classes = vec![vec![[0.0f32; GROUPS]; values]; CLASSES.len()];
     // Each group is an independent estimate; their mean is the field.
     let unit = spacing / (whole * step.powi(2) * (items * Tracer::PATHS) as f64 * GROUPS as f64);
@@ -62,7 +61,6 @@ struct Deposits<'a> {
     space: &'a Space,
     basis: &'a Basis,
     media: &'a Media,
-    fill: &'a [Fill],
     /// Of each voxel and number of the basis, by class.
     sums: Vec<AtomicU64>,
     /// What a photon of 1 W leaves in a point for 1/sr.
@@ -82,7 +80,7 @@ impl Witness for Deposits<'_> {
         let class = CLASSES.iter().filter(|&&last| last < events + 1).count();
         let share = (power * self.whole) as f32;
         self.space.frame.along(ray, reach, (self.spacing, rng.uniform_f32()), |p, voxel| {
-            let held = self.fill[voxel].share;
+            let held = self.space.fill[voxel].share;
             if held < 1.0 && (held <= 0.0 || self.media.extinction(p) <= 0.0) {
                 return;
             }

@@ -48,7 +48,8 @@ impl Space {
                 refined = true;
                 continue;
             }
-            let usual = usual(&frame, request.media).unwrap_or(FINE / step);
+            let corners: Vec<Vec<f32>> = (0..frame.bricks.len()).into_par_iter().map(|b| corners(&frame, b, request.media)).collect();
+            let usual = usual(&corners).unwrap_or(FINE / step);
             let finer = size(usual).max(least);
             if finer < 0.85 * step && !refined {
                 // Where regions overlap, extinction adds.
@@ -56,7 +57,7 @@ impl Space {
                 refined = true;
                 continue;
             }
-            let fill = filled(&frame, request.media, smallest < 2.0 * step);
+            let fill = filled(&frame, &corners, request.media, smallest < 2.0 * step);
             return Space { frame, fill, usual };
         }
     }
@@ -87,13 +88,8 @@ fn dense(region: &Region) -> (f64, f64) {
 }
 
 /// The mean extinction that light meets, 1/m, from that at the voxels' corners.
-fn usual(frame: &Frame, media: &Media) -> Option<f64> {
-    let sums = |brick: usize| {
-        let nodes = corners(frame, brick, media);
-        nodes.iter().fold((0.0f64, 0.0f64), |s, &d| (s.0 + f64::from(d), s.1 + f64::from(d).powi(2)))
-    };
-    let bricks: Vec<(f64, f64)> = (0..frame.bricks.len()).into_par_iter().map(sums).collect();
-    let (sum, squares) = bricks.iter().fold((0.0, 0.0), |s, b| (s.0 + b.0, s.1 + b.1));
+fn usual(corners: &[Vec<f32>]) -> Option<f64> {
+    let (sum, squares) = corners.iter().flatten().fold((0.0f64, 0.0f64), |s, &d| (s.0 + f64::from(d), s.1 + f64::from(d).powi(2)));
     (sum > 0.0).then(|| squares / sum)
 }
 
@@ -118,12 +114,11 @@ fn around(nodes: &[f32], voxel: usize) -> [f32; 8] {
 
 /// How much of each voxel holds medium: all or nothing where its corners agree, unless regions are so `small` that they fit
 /// between; else by the points within.
-fn filled(frame: &Frame, media: &Media, small: bool) -> Vec<Fill> {
+fn filled(frame: &Frame, corners: &[Vec<f32>], media: &Media, small: bool) -> Vec<Fill> {
     let mut out = vec![Fill { share: 0.0, middle: Vec3::ZERO }; frame.voxels()];
-    out.par_chunks_exact_mut(BRICK_VOXELS).enumerate().for_each(|(brick, out)| {
-        let nodes = corners(frame, brick, media);
+    out.par_chunks_exact_mut(BRICK_VOXELS).zip(corners).enumerate().for_each(|(brick, (out, nodes))| {
         for (v, out) in out.iter_mut().enumerate() {
-            let met = around(&nodes, v).iter().filter(|&&sigma| sigma > 0.0).count();
+            let met = around(nodes, v).iter().filter(|&&sigma| sigma > 0.0).count();
             if met == 8 {
                 out.share = 1.0;
             } else if met > 0 || small {
