@@ -155,8 +155,8 @@ fn paths_through_a_white_sphere_to_a_thousandth() {
 
 #[test]
 fn voxels_of_a_layout_send_light_where_the_layout_does() {
-    // Two overlapping balls in closed form, and as the grid that the voxeliser makes of them. The grid's bounds are a box, which
-    // more light crosses: fluxes are compared per unit of light, as areas.
+    // Two overlapping balls in closed form, and as the grid that the voxeliser makes of them. More light counts that passes a grid's
+    // voxels than what meets the balls: fluxes are compared per unit of light, as areas.
     let ball = |x: f64, radius: f64| region(Shape::sphere(DVec3::new(x, 0.2, -0.1), radius), Medium::with_albedo(8.0, 0.98, 0.7));
     let balls = vec![ball(-0.4, 0.8), ball(0.5, 0.6)];
     let bricks = voxelise(&balls, 0.02, 8.0, Up::Z, &Silent).unwrap();
@@ -168,20 +168,21 @@ fn voxels_of_a_layout_send_light_where_the_layout_does() {
         }
     }
     let voxels = VoxelGrid::new(bricks, min, max, false);
-    let size = voxels.bounds().size();
     let (closed, open) = (overhead(balls), overhead(vec![region(Shape::Grid(Arc::new(voxels)), Medium::with_albedo(8.0, 0.98, 0.7))]));
     let (a, b) = (balance(&closed, 1_000_000, 1), balance(&open, 1_500_000, 2));
-    // The union of two discs, over the box.
-    let area = {
+    let union = {
         let (r, s, d) = (0.8f64, 0.6f64, 0.9f64);
         let (x, y) = ((d * d + r * r - s * s) / (2.0 * d), (d * d + s * s - r * r) / (2.0 * d));
         let lens = r * r * (x / r).acos() - x * (r * r - x * x).sqrt() + s * s * (y / s).acos() - y * (s * s - y * y).sqrt();
         std::f64::consts::PI * (r * r + s * s) - lens
     };
-    for (what, a, b) in
+    close("the union of two discs, m^2", a.area, union, 1e-3);
+    assert!((1.0..1.1).contains(&(b.area.value / union)), "few voxels hold nothing: {:?}", b.area);
+    let per = |share: Estimate, area: Estimate| (share.value * area.value, (share.se * area.value).hypot(share.value * area.se));
+    for (what, x, y) in
         [("up", a.up, b.up), ("absorbed", a.absorbed_medium, b.absorbed_medium), ("scatterings", a.mean_scatterings, b.mean_scatterings)]
     {
-        let (a, b) = ((a.value * area, a.se * area), (b.value * size.x * size.y, b.se * size.x * size.y));
+        let (a, b) = (per(x, a.area), per(y, b.area));
         println!("{what}: {:.5} +- {:.5} by balls, {:.5} +- {:.5} by voxels", a.0, a.1, b.0, b.1);
         // Voxels soften the outline by half of one: a thousandth.
         assert!((a.0 - b.0).abs() < 3.9 * a.1.hypot(b.1) + 1e-3 * a.0, "{what}");

@@ -24,13 +24,15 @@ const LIGHT: f64 = 0.01;
 /// Collisions after which a path is cut, and counted as such.
 const MOST_COLLISIONS: u64 = 1 << 24;
 
-/// The energy balance of a scene: shares of the sunlight that crosses the media's bounds. The first five add up to 1.
+/// The energy balance of a scene: shares of the sunlight that meets the media. The first five add up to 1.
 ///
-/// A region's bounds are its surface, a grid's the box of its voxels. Light that never meets them does not count, nor does
-/// the sky's. Up and down go by the sign of the direction's z as it leaves. Where media or surfaces are coloured, shares are
-/// of luminance.
+/// That is what crosses a region's surface, or passes a voxel that is not empty within two voxels: `area` says how much it is.
+/// Other light does not count, nor does the sky's. Up and down go by the sign of the direction's z as it leaves. Where media or
+/// surfaces are coloured, shares are of luminance.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Flux {
+    /// The area, across the sunlight, of the light that meets the media, m^2: a share of it times the irradiance is a power in W.
+    pub area: Estimate,
     /// Leaves upward.
     pub up: Estimate,
     /// Leaves downward, neither scattered nor reflected.
@@ -41,11 +43,11 @@ pub struct Flux {
     pub absorbed_medium: Estimate,
     /// Is absorbed by surfaces.
     pub absorbed_surface: Estimate,
-    /// The mean length of the way within the bounds, m.
+    /// The mean length of the way within a region's surface or the box of a grid's voxels, m.
     pub mean_path_length: Estimate,
     /// The mean number of scatterings.
     pub mean_scatterings: Estimate,
-    /// Photons that crossed the bounds.
+    /// Photons that met the media.
     pub photons: u64,
     /// Collisions.
     pub collisions: u64,
@@ -104,7 +106,9 @@ pub fn flux(scene: &Scene, plan: &Plan, photons: u64, seed: u64, progress: &dyn 
         });
     }
     let of = |tally: Tally| sums.ratio(tally as usize);
+    let (whole, share) = (tracer.emitter.area(), crossed as f64 / photons as f64);
     Ok(Flux {
+        area: Estimate { value: whole * share, se: whole * (share * (1.0 - share) / photons as f64).sqrt() },
         up: of(Tally::Up),
         down_direct: of(Tally::DownDirect),
         down_diffuse: of(Tally::DownDiffuse),

@@ -108,16 +108,13 @@ impl Emitter {
 
     /// The weight of photons that are aimed at regions, W.
     pub(super) fn base_power(&self) -> f64 {
-        match &self.target {
-            Target::Tile { size, .. } => self.irradiance * f64::from(size.x) * f64::from(size.y),
-            Target::Silhouette(s) => self.irradiance * s.area(),
-        }
+        self.irradiance * self.area()
     }
 
     /// The area, across the sunlight, over which photons start that are aimed at regions, m^2.
-    pub(super) fn area(&self) -> f64 {
+    pub fn area(&self) -> f64 {
         match &self.target {
-            Target::Tile { size, .. } => f64::from(size.x) * f64::from(size.y),
+            Target::Tile { size, .. } => f64::from(size.x) * f64::from(size.y) * f64::from(-self.axis.z).max(0.0),
             Target::Silhouette(s) => s.area(),
         }
     }

@@ -81,13 +81,14 @@ impl Balance {
             ("absorbed in media", f.absorbed_medium),
             ("absorbed by surfaces", f.absorbed_surface),
         ];
-        let mut t = format!("{}: of the sunlight that crosses the bounds of the media\n", self.input.display());
+        let mut t = format!("{}: of the sunlight that meets the media\n", self.input.display());
         // Writing to a String cannot fail.
         for (name, Estimate { value, se }) in shares {
             let _ = writeln!(t, "  {name:<22}{:>9.4} +- {:.4} %", 100.0 * value, 100.0 * se);
         }
         let sum: f64 = shares.iter().map(|(_, e)| e.value).sum();
         let _ = writeln!(t, "  {:<22}{:>9.4} %", "sum", 100.0 * sum);
+        let _ = writeln!(t, "  {:<22}{:>9.4} +- {:.4} m^2", "of an area of", f.area.value, f.area.se);
         let (path, count) = (f.mean_path_length, f.mean_scatterings);
         let _ = writeln!(t, "  {:<22}{:>9.4} +- {:.4} m", "mean path length", path.value, path.se);
         let _ = writeln!(t, "  {:<22}{:>9.4} +- {:.4}", "mean scatterings", count.value, count.se);
@@ -107,6 +108,7 @@ mod tests {
     fn the_balance_reads_as_a_table_and_as_json() {
         let share = |value| Estimate { value, se: 0.001 };
         let flux = Flux {
+            area: share(2.0),
             up: share(0.5),
             down_direct: share(0.125),
             down_diffuse: share(0.25),
@@ -120,7 +122,13 @@ mod tests {
         };
         let balance = Balance { flux, input: "a.vdb".into(), notes: vec!["n".into()], seconds: 1.0 };
         let table = balance.table();
-        assert!(table.contains("50.0000 +- 0.1000 %") && table.contains("100.0000 %") && !table.contains("cut"), "{table}");
+        assert!(
+            table.contains("50.0000 +- 0.1000 %")
+                && table.contains("100.0000 %")
+                && table.contains("2.0000 +- 0.0010 m^2")
+                && !table.contains("cut"),
+            "{table}"
+        );
         let json: serde_json::Value = serde_json::from_str(&balance.json()).unwrap();
         assert_eq!((&json["up"]["value"], &json["down_direct"]["se"]), (&0.5.into(), &0.001.into()));
         assert_eq!((&json["photons"], &json["input"], &json["notes"][0]), (&10.into(), &"a.vdb".into(), &"n".into()));
