@@ -18,7 +18,7 @@ pub struct Pixel {
     pub surface: [f32; 3],
     /// The sky, seen through whatever is before it.
     pub environment: [f32; 3],
-    /// The standard error (one sigma) of the sum of the four.
+    /// The standard error (one sigma) of the sum of the four; by [`crate::integrate::Integrator::Grid`] with what smoothing may be off.
     pub standard_error: [f32; 3],
     /// The share of light from behind all media, or from the surface that is met, that reaches the camera unscattered.
     pub transmittance: f32,

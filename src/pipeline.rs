@@ -100,12 +100,12 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     }
     if let Some(framed) = framed {
         let scene = lit(&layout.scene, &written, job.density);
-        let settings = job.picture.settings(&framed, job.photons, &job.duality);
+        let settings = job.picture.settings(&scene, &framed, job.photons, &job.duality);
         let (film, render) = match job.picture.error {
             Some(error) => take_to(error, &scene, &framed, &settings, progress)?,
             None => take(&scene, &framed, &settings, pass1, progress)?,
         };
-        report.notes.extend(job.picture.note(&scene));
+        report.notes.extend(job.picture.note(&scene, job.duality.model));
         report.render = Some(render);
         clock.end("render");
         for target in targets.each(Format::Exr) {

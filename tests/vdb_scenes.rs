@@ -430,7 +430,7 @@ fn the_duality_of_a_vdb_is_written_lit_and_balanced() {
     let mut picture = job("out.exr", Model::Physical);
     picture.picture.view.size = Some([24, 16]);
     assert!(run(&picture, &Silent).unwrap().render.is_some());
-    picture.picture.integrator = Integrator::Photon;
+    picture.picture.integrator = Some(Integrator::Photon);
     picture.overwrite = true;
     assert!(run(&picture, &Silent).unwrap().render.is_some());
     picture.duality.model = Model::Hura2006;

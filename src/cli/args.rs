@@ -6,8 +6,8 @@ use super::scene::SceneArguments;
 use super::study::StudyArguments;
 use crate::error::Error;
 use crate::export::vdb::{GridName, VdbOptions};
-use crate::integrate::Integrator;
 use crate::integrate::photon::Gathering;
+use crate::integrate::{Directional, Integrator};
 use crate::photon::Model;
 use crate::pipeline::{Job, Picture, usual_density};
 use crate::plan::Density;
@@ -129,10 +129,10 @@ pub struct Run {
     /// The grids to write
     #[arg(long, value_enum, value_delimiter = ',', default_value = "density")]
     pub grids: Vec<GridArgument>,
-    /// How light is followed in a picture
-    #[arg(long, value_enum, default_value_t = IntegratorArgument::Path)]
-    pub integrator: IntegratorArgument,
-    /// Samples a pixel of a picture [default: 64; 16 with --integrator grid]
+    /// How light is followed in a picture [default: grid; path where regions have no end]
+    #[arg(long, value_enum)]
+    pub integrator: Option<IntegratorArgument>,
+    /// Samples a pixel of a picture [default: 16; 64 with --integrator path and photon]
     #[arg(long, value_name = "N", value_parser = count)]
     pub spp: Option<u64>,
     /// Go on until a pixel of a picture is known to so many per cent: 5%. It sets the samples, and the
@@ -142,6 +142,9 @@ pub struct Run {
     /// What the voxels of the grid integrator may take, in bytes
     #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = count)]
     pub memory: u64,
+    /// What of light's directions those voxels keep
+    #[arg(long, value_enum, default_value_t = DirectionalArgument::View)]
+    pub directional: DirectionalArgument,
     /// Where the photon integrator looks for photons: at points along a ray, or along the whole of it
     #[arg(long, value_enum, default_value_t = GatherArgument::March)]
     pub gather: GatherArgument,
@@ -196,7 +199,7 @@ impl Run {
         if self.memory < LEAST_MEMORY {
             return usage("--memory: the voxels of the grid integrator need at least 100M (bytes)");
         }
-        if self.error.is_some() && self.integrator == IntegratorArgument::Photon {
+        if self.error.is_some() && self.integrator == Some(IntegratorArgument::Photon) {
             return usage(
                 "--error: what stored photons blur is in no stated error: use --integrator grid or path, or --photons and --estimate",
             );
@@ -220,10 +223,11 @@ impl Run {
                 grids,
             },
             picture: Picture {
-                integrator: self.integrator.into(),
+                integrator: self.integrator.map(Into::into),
                 spp,
                 error: self.error,
                 memory: self.memory,
+                directional: self.directional.into(),
                 gather: self.gather.into(),
                 step: self.step,
                 shadow_rays: self.shadow_rays,
@@ -285,10 +289,14 @@ argument!(/// `--placement`
         Uniform, /// at photons (its future work)
         Importance });
 argument!(/// `--integrator`
-    IntegratorArgument for Integrator { /// the reference: unbiased path tracing
+    IntegratorArgument for Integrator { /// photons' light toward the camera in voxels, smoothed: the fast one
+        Grid, /// the reference: unbiased path tracing
         Path, /// the thesis's pass 2: sunlight that scattered once, and stored photons for the rest
-        Photon, /// photons' light toward the camera in voxels, smoothed: much faster
-        Grid });
+        Photon });
+argument!(/// `--directional`
+    DirectionalArgument for Directional { /// what goes toward the camera
+        View, /// all, by harmonics of degrees 0 to 2: for light that is not peaked
+        Sh2 });
 argument!(/// `--gather`
     GatherArgument for Gathering { /// the nearest at points along a ray (the thesis)
         March, /// all along a ray, each photon a ball

@@ -14,12 +14,13 @@ mod field;
 mod fit;
 mod frame;
 mod space;
+mod sums;
 
-use super::RenderSettings;
 use super::lens::{Lens, View};
 use super::path::PathTracer;
 use super::photon::{Lighting, by_channel, channels_of};
 use super::tile::{Arrival, Layer, Transport};
+use super::{Directional, RenderSettings};
 use crate::bvh::Box3;
 use crate::error::Result;
 use crate::geom::Ray;
@@ -42,8 +43,13 @@ const COARSE: f64 = 0.5;
 const OPAQUE: f64 = 14.0;
 /// Bricks behind more optical depth than this, from everywhere in them, are not lit.
 const HIDDEN: f64 = 9.0;
-/// What a number of a voxel takes while light is gathered and smoothed, bytes.
+/// What a number of a voxel takes while light is gathered and smoothed, bytes; what it takes afterwards, and if more photons are to come.
 const BYTES: u64 = 900;
+const KEPT: u64 = 70;
+const GOING_ON: u64 = 400;
+/// Voxels are at most so many a pixel; and so many may always be.
+const VOXELS_A_PIXEL: u64 = 16;
+const LEAST_VOXELS: u64 = 30_000;
 /// Light for surfaces: so many times wider voxels, so many times fewer photons; its photons' items begin here.
 const COARSER: f64 = 2.0;
 const FEWER: u64 = 4;
@@ -54,13 +60,16 @@ const FIRST: u64 = 1 << 40;
 pub(super) struct GridTracer {
     channels: Vec<Channel>,
     pub origin: DVec3,
-    pub lighting: Lighting,
+    /// Whether more photons may come.
+    go_on: bool,
 }
 
 /// What of the spectrum is followed together: everything where the scene is grey, else a channel.
 #[derive(Debug)]
 struct Channel {
     tracer: PathTracer,
+    photons: Tracer,
+    /// The light that the camera sees, and, where it is another, that surfaces get.
     view: Option<Field>,
     around: Option<Field>,
     /// Which of R, G, B this is.
@@ -74,6 +83,7 @@ struct Stretch {
     direct: Vec3,
     indirect: Vec3,
     groups: [Vec3; GROUPS],
+    doubt: Vec3,
     clear: f32,
     /// The mean distance of a collision, m, times its chance.
     far: f64,
@@ -88,41 +98,61 @@ pub(super) struct Room {
 }
 
 impl GridTracer {
-    /// Traces the photons for a camera.
+    /// Compiles a scene, which is dark yet, for a camera. To `go_on` is to keep what photons have left for more to come.
+    pub(super) fn new(scene: &Scene, plan: &Plan, camera: &Camera, settings: &RenderSettings, go_on: bool) -> Self {
+        let parts = parts(scene);
+        let fields = parts.len() as u64 * if scene.surfaces.is_empty() { 1 } else { 2 };
+        let held = settings.photon.memory / (BYTES + (fields - 1) * if go_on { GOING_ON } else { KEPT });
+        // What photons are too few for, or pixels too wide, is not worth its time.
+        let told = if go_on { u64::MAX } else { settings.photon.photons / parts.len() as u64 };
+        let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
+        let worth = told.min(shown).max(LEAST_VOXELS) as usize;
+        let channel = |(part, mask, tint): (Cow<Scene>, Vec3, Vec3)| {
+            let tracer = PathTracer::new(&part, plan);
+            let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass();
+            let lens = Lens::new(camera, settings.width, settings.height, tracer.origin);
+            let (mut view, mut around) = (None, None);
+            if !part.regions.is_empty() && photons.strongest() > 0.0 {
+                let media = &tracer.bands[0].media;
+                let field = |basis: Basis, seen: &(dyn Fn(Box3) -> bool + Sync), first: u64, coarser: f64| {
+                    let voxels = (held as usize / basis.len()).min(worth);
+                    let (scene, origin, seed) = (&*part, tracer.origin, settings.seed);
+                    Field::new(Request { scene, media, basis, origin, seen, first, seed, voxels, coarser })
+                };
+                if settings.photon.directional == Directional::View {
+                    view = Some(field(Basis::view(&part, lens.position()), &|brick| sees(&lens, media, brick), 0, 1.0));
+                    around = (!tracer.surfaces.is_empty()).then(|| field(Basis::Around, &|_| true, FIRST, COARSER));
+                } else {
+                    view = Some(field(Basis::Around, &|_| true, 0, 1.0));
+                }
+            }
+            Channel { tracer, photons, view, around, mask, tint }
+        };
+        let channels: Vec<Channel> = parts.into_iter().map(channel).collect();
+        let origin = channels[0].tracer.origin;
+        GridTracer { channels, origin, go_on }
+    }
+
+    /// Follows photons until there have been so many, all channels together.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
-    pub(super) fn new(scene: &Scene, plan: &Plan, camera: &Camera, settings: &RenderSettings, progress: &dyn Progress) -> Result<Self> {
-        let mut lighting = Lighting::default();
-        let mut channels = Vec::new();
-        let parts = parts(scene);
-        let photons = settings.photon.photons.div_ceil(parts.len() as u64);
-        for (part, mask, tint) in &parts {
-            let tracer = PathTracer::new(part, plan);
-            let lens = Lens::new(camera, settings.width, settings.height, tracer.origin);
-            let pass = Tracer::new(part, plan, Model::Physical).of_second_pass();
-            let (mut view, mut around) = (None, None);
-            if !part.regions.is_empty() && pass.strongest() > 0.0 {
-                let media = &tracer.bands[0].media;
-                let mut field = |basis: Basis, seen: &(dyn Fn(Box3) -> bool + Sync), first: u64, coarser: f64, fewer: u64| {
-                    let photons = photons.div_ceil(fewer);
-                    let voxels = (settings.photon.memory / BYTES) as usize / basis.len();
-                    let (scene, origin, seed) = (part, tracer.origin, settings.seed);
-                    let request = Request { scene, media, tracer: &pass, basis, origin, seen, photons, first, seed, voxels, coarser };
-                    let field = Field::new(request, progress)?;
-                    lighting.emitted += photons;
-                    lighting.voxels += field.voxels();
-                    Ok(Some(field))
-                };
-                view = field(Basis::view(part, lens.position()), &|brick| sees(&lens, media, brick), 0, 1.0, 1)?;
-                if !tracer.surfaces.is_empty() {
-                    around = field(Basis::Around, &|_| true, FIRST, COARSER, FEWER)?;
+    pub(super) fn brighten(&mut self, photons: u64, progress: &dyn Progress) -> Result<()> {
+        let photons = photons.div_ceil(self.channels.len() as u64);
+        for Channel { tracer, photons: followed, view, around, .. } in &mut self.channels {
+            for (field, fewer) in [(view, 1), (around, FEWER)] {
+                if let Some(field) = field {
+                    field.brighten((followed, &tracer.bands[0].media), photons.div_ceil(fewer), self.go_on, progress)?;
                 }
             }
-            channels.push(Channel { tracer, view, around, mask: *mask, tint: *tint });
         }
-        let origin = channels[0].tracer.origin;
-        Ok(GridTracer { channels, origin, lighting })
+        Ok(())
+    }
+
+    /// What lights it.
+    pub(super) fn lighting(&self) -> Lighting {
+        let fields = || self.channels.iter().flat_map(|channel| [&channel.view, &channel.around]).flatten();
+        Lighting { emitted: fields().map(Field::photons).sum(), voxels: fields().map(Field::voxels).sum(), ..Lighting::default() }
     }
 }
 
@@ -165,11 +195,13 @@ impl Channel {
         loop {
             let hit = tracer.surfaces.nearest(&ray, reach);
             let first = layer == Layer::Environment;
-            let (field, slice) = if first { (&self.view, SLICE) } else { (&self.around, COARSE) };
+            let (field, slice) =
+                if first { (&self.view, SLICE) } else { (if self.around.is_some() { &self.around } else { &self.view }, COARSE) };
             let stretch = self.march(&ray, hit.map_or(reach, |h| h.t), field.as_ref(), slice, rng, room);
             arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * stretch.direct;
             arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * stretch.indirect;
             arrival.groups.iter_mut().zip(&stretch.groups).for_each(|(sum, &group)| *sum += throughput * group);
+            arrival.doubt += throughput * stretch.doubt;
             arrival.collisions += stretch.looks;
             if first {
                 arrival.depth = match hit {
@@ -208,7 +240,7 @@ impl Channel {
         let chance = -(-depth).exp_m1();
         let slices = (chance / slice).ceil() as u32;
         let weight = chance / f64::from(slices.max(1));
-        let (mut direct, mut far, mut sums, mut step) = (Vec3::ZERO, 0.0, Groups::default(), 0);
+        let (mut direct, mut far, mut sums, mut doubt, mut step) = (Vec3::ZERO, 0.0, Groups::default(), 0.0, 0);
         for i in 0..slices {
             let tau = -(-(f64::from(i) + rng.uniform()) * weight).ln_1p();
             let distance = room.profile.distance(tau, &mut step);
@@ -218,7 +250,7 @@ impl Channel {
             direct += albedo * tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch).0;
             far += f64::from(distance);
             if let Some(field) = field {
-                field.scattered(here.origin, -ray.direction, g, band.media.optics(region).albedo as f32, &mut sums);
+                field.scattered(here.origin, -ray.direction, g, band.media.optics(region).albedo as f32, (&mut sums, &mut doubt));
             }
         }
         let tint = self.tint * weight as f32;
@@ -226,6 +258,7 @@ impl Channel {
             direct: direct * weight as f32,
             indirect: sums.iter().sum::<f32>() * tint,
             groups: sums.map(|sum| sum * tint),
+            doubt: doubt * tint,
             clear: (-depth).exp() as f32,
             far: far * weight,
             looks: slices.into(),

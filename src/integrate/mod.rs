@@ -46,6 +46,17 @@ impl Integrator {
     }
 }
 
+/// What of light's directions the voxels of [`Integrator::Grid`] keep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Directional {
+    /// What goes toward the camera, with the phase functions' peaks.
+    #[default]
+    View,
+    /// All, by spherical harmonics of degrees 0 to 2: for any camera, and off where phase functions are peaked.
+    Sh2,
+}
+
 /// How a picture is made.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct RenderSettings {
@@ -96,20 +107,48 @@ pub fn render(
     pass1: Option<PhotonMap>,
     progress: &dyn Progress,
 ) -> Result<Rendering> {
-    match settings.integrator {
-        Integrator::Path => {
-            let tracer = PathTracer::new(scene, plan);
-            expose(&tracer, tracer.origin, scene, camera, settings, progress)
-        }
-        Integrator::Photon => {
-            let tracer = PhotonTracer::new(scene, plan, settings, pass1, progress)?;
-            let rendering = expose(&tracer, tracer.origin, scene, camera, settings, progress)?;
-            Ok(Rendering { photons: Some(tracer.lighting), ..rendering })
-        }
-        Integrator::Grid => {
-            let tracer = GridTracer::new(scene, plan, camera, settings, progress)?;
-            let rendering = expose(&tracer, tracer.origin, scene, camera, settings, progress)?;
-            Ok(Rendering { photons: Some(tracer.lighting), ..rendering })
+    Renderer::new(scene, plan, camera, false).take(settings, pass1, progress)
+}
+
+/// Takes pictures of a scene.
+#[derive(Debug)]
+pub struct Renderer<'a> {
+    scene: &'a Scene,
+    plan: &'a Plan,
+    camera: &'a Camera,
+    /// Whether there is to be a better picture after each.
+    go_on: bool,
+    grid: Option<GridTracer>,
+}
+
+impl<'a> Renderer<'a> {
+    /// Before the first picture. To `go_on` is to keep what [`Integrator::Grid`]'s photons have brought from one to the next.
+    pub fn new(scene: &'a Scene, plan: &'a Plan, camera: &'a Camera, go_on: bool) -> Self {
+        Renderer { scene, plan, camera, go_on, grid: None }
+    }
+
+    /// Takes a picture, as [`render`] does. Of the settings, only photons and samples may change from one to the next.
+    ///
+    /// # Errors
+    /// As [`render`].
+    pub fn take(&mut self, settings: &RenderSettings, pass1: Option<PhotonMap>, progress: &dyn Progress) -> Result<Rendering> {
+        let Renderer { scene, plan, camera, go_on, .. } = *self;
+        match settings.integrator {
+            Integrator::Path => {
+                let tracer = PathTracer::new(scene, plan);
+                expose(&tracer, tracer.origin, scene, camera, settings, progress)
+            }
+            Integrator::Photon => {
+                let tracer = PhotonTracer::new(scene, plan, settings, pass1, progress)?;
+                let rendering = expose(&tracer, tracer.origin, scene, camera, settings, progress)?;
+                Ok(Rendering { photons: Some(tracer.lighting), ..rendering })
+            }
+            Integrator::Grid => {
+                let tracer = self.grid.get_or_insert_with(|| GridTracer::new(scene, plan, camera, settings, go_on));
+                tracer.brighten(settings.photon.photons, progress)?;
+                let rendering = expose(tracer, tracer.origin, scene, camera, settings, progress)?;
+                Ok(Rendering { photons: Some(tracer.lighting()), ..rendering })
+            }
         }
     }
 }

@@ -9,10 +9,10 @@ mod beam;
 mod gather;
 mod march;
 
-use super::RenderSettings;
 use super::lens::View;
 use super::path::PathTracer;
 use super::tile::{Arrival, Layer, Transport};
+use super::{Directional, RenderSettings};
 use crate::error::{Error, Result};
 use crate::geom::Ray;
 use crate::media::{Media, Scratch};
@@ -57,6 +57,8 @@ pub struct PhotonSettings {
     pub shadow_rays: u32,
     /// What the voxels of [`super::Integrator::Grid`] may take, bytes.
     pub memory: u64,
+    /// What they keep of light's directions.
+    pub directional: Directional,
 }
 
 impl Default for PhotonSettings {
@@ -69,6 +71,7 @@ impl Default for PhotonSettings {
             step: 0.1,
             shadow_rays: 1,
             memory: 1_000_000_000,
+            directional: Directional::View,
         }
     }
 }

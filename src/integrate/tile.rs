@@ -41,6 +41,8 @@ pub(super) struct Arrival {
     pub light: [Vec3; 4],
     /// What of it each group of stored photons has brought.
     pub groups: [Vec3; GROUPS],
+    /// By how much what photons have brought may be off for another reason than noise.
+    pub doubt: Vec3,
     /// The mean distance to the first event, m, times the chance of one; and that chance.
     pub depth: (f64, f64),
     pub collisions: u64,
@@ -64,6 +66,7 @@ impl Arrival {
         for (sum, light) in self.groups.iter_mut().zip(other.groups) {
             *sum += light * tint;
         }
+        self.doubt += other.doubt * tint;
         self.depth = (self.depth.0 + other.depth.0, self.depth.1 + other.depth.1);
         self.collisions += other.collisions;
         self.truncated += other.truncated;
@@ -126,7 +129,7 @@ impl<Room> Tile<Room> {
         let parts = if spp.is_multiple_of(T::PARTS * T::PARTS) && spp > T::PARTS * T::PARTS { T::PARTS } else { 1 };
         let mut light = [DVec3::ZERO; 4];
         let mut between = [(DVec3::ZERO, DVec3::ZERO); MOST_PARTS];
-        let mut photons = Photons::default();
+        let (mut photons, mut doubt) = (Photons::default(), DVec3::ZERO);
         let (mut depth, mut events) = (0.0f64, 0.0f64);
         let (mut through, mut opaque) = (0.0f64, 0u32);
         for sample in 0..spp {
@@ -147,6 +150,7 @@ impl<Room> Tile<Room> {
                 sum += arrived.as_dvec3();
             }
             photons.add(&arrival.groups);
+            doubt += arrival.doubt.as_dvec3();
             let (far, chance) = arrival.depth;
             (depth, events) = (depth + f64::from(view.near) * chance + far * f64::from(view.cos), events + chance);
             self.collisions += arrival.collisions;
@@ -162,7 +166,8 @@ impl<Room> Tile<Room> {
         let count = (parts * parts) as usize;
         let between_samples = between[..count].iter().map(variance).sum::<DVec3>() / (count * count) as f64;
         // A quarter is left where the photons' part, which may come out below zero, would take all.
-        let error = (between_samples + photons.variance(n)).max(0.25 * between_samples).to_array().map(f64::sqrt);
+        let noise = (between_samples + photons.variance(n)).max(0.25 * between_samples);
+        let error = (noise + (doubt / n).powf(2.0)).to_array().map(f64::sqrt);
         let clear = f64::from(spp.min(CLEAR));
         self.pixels.push(Pixel {
             volume_direct: rgb(light[0]),

@@ -1,6 +1,7 @@
 //! What is written, by the targets' extensions; and whether the job makes sense at all.
 
 use super::Job;
+use super::picture::gridless;
 use crate::error::{Error, Result};
 use crate::export::staged::Staged;
 use crate::import::{self, Layout};
@@ -80,13 +81,14 @@ impl<'a> Targets<'a> {
             self.check_grids(&format!("{}: region {name:?}", job.input.display()))?;
         }
         let picture = self.any(Format::Exr) || self.any(Format::Png);
-        if picture && job.picture.integrator == Integrator::Photon {
-            check_photons(job, &layout.scene)?;
+        match job.picture.integrator.filter(|_| picture) {
+            Some(Integrator::Photon) => check_photons(job, &layout.scene),
+            Some(Integrator::Grid) => match gridless(&layout.scene, job.duality.model) {
+                Some(reason) => Err(Error::Usage(format!("{}: {reason}: use --integrator path", job.input.display()))),
+                None => Ok(()),
+            },
+            Some(Integrator::Path) | None => Ok(()),
         }
-        if picture && job.picture.integrator == Integrator::Grid {
-            check_field(job, &layout.scene)?;
-        }
-        Ok(())
     }
 
     /// Refuses what cannot be of voxel grids, of which `who` is one.
@@ -108,18 +110,6 @@ impl<'a> Targets<'a> {
     pub fn any(&self, format: Format) -> bool {
         self.each(format).next().is_some()
     }
-}
-
-/// Refuses what the grid integrator cannot do.
-fn check_field(job: &Job, scene: &Scene) -> Result<()> {
-    let usage = |what: String| Err(Error::Usage(format!("{}: {what}: use --integrator path", job.input.display())));
-    if let Some(region) = scene.regions.iter().find(|r| r.shape.is_endless()) {
-        return usage(format!("region {:?} goes on without end, and --integrator grid needs bounds", region.name));
-    }
-    if job.duality.model == Model::Hura2006 {
-        return usage("--integrator grid conserves energy, which --model hura2006 does not".into());
-    }
-    Ok(())
 }
 
 /// Refuses what the photon integrator cannot do.

@@ -82,8 +82,9 @@ pub(super) fn take(given: &Given, density: Density, how: &How, progress: &dyn Pr
     let view = View { size: Some(how.size), ..View::default() };
     let framed = view.frame(scene).map_err(|e| e.of_file(&given.input))?;
     let How { integrator, gather, spp, .. } = *how;
-    let picture = Picture { integrator, gather, spp: Some(spp), shadow_rays: super::thesis::SAMPLES, view, ..Picture::default() };
-    let settings = picture.settings(&framed, how.photons, &how.duality());
+    let picture =
+        Picture { integrator: Some(integrator), gather, spp: Some(spp), shadow_rays: super::thesis::SAMPLES, view, ..Picture::default() };
+    let settings = picture.settings(scene, &framed, how.photons, &how.duality());
     let (film, render) = pipeline::take(&lit(scene, &regions, density), &framed, &settings, pass1, progress)?;
     let (seconds, memory) = (begun.elapsed().as_secs_f64(), peak_memory());
     Ok(Taken { film, render, regions: regions.len() as u64, seconds, memory, sunlight })

@@ -17,7 +17,7 @@ import report
 # Every kind of output, some of them twice: the more files there are to rename, the more moments between two of them.
 TARGETS = ("a.vdb", "b.exr", "c.png", "d.json", "e.glb", "f.vdb", "g.exr", "h.png", "i.json", "j.glb")
 # A quarter of a second, and every stage has its share of it.
-SHORT = ("--photons", "30k", "--max-voxels", "50k", "--size", "64x36", "--spp", "2", "--threads", "2")
+SHORT = ("--photons", "30k", "--max-voxels", "50k", "--size", "64x36", "--spp", "2", "--threads", "2", "--integrator", "path")
 STAGES = ("import", "photons", "regions", "voxels", "vdb", "render")
 PART = re.compile(r"\.(.+)\.\w{6}\.part")
 

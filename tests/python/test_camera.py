@@ -71,7 +71,7 @@ def test_the_camera_of_a_file(cloudvdb, tmp_path, name):
                       camera={"position": (1.5, -4.9, 1.2), "look_at": (0.1, 0.0, 0.0)})
     path, target = tmp_path / "scene.glb", tmp_path / "ours.exr"
     seen = blender("import json\n" + SCRIPT, scene=peers.plain(scene), eye=eye, path=str(path), samples=24)
-    ran = cloudvdb.succeed(path, "-o", target, "--density", "source", "--spp", 512, "--size", f"{width}x{height}", "--json")
+    ran = cloudvdb.succeed(path, "-o", target, "--density", "source", "--integrator", "path", "--spp", 512, "--size", f"{width}x{height}", "--json")
     report = json.loads(ran.out)
     assert not [n for n in report["notes"] if "camera" in n.lower()], report["notes"]
     layers = peers.read_exr(target)

@@ -8,8 +8,9 @@ import command
 import cumulus
 import peers
 
-VIEW = ["--camera", "0,-5.2,0.2", "--look-at", "0,0,0.2", "--fov", "43", "--size", "48x36", "--sun", "0.8,0.4,-0.6", "--irradiance", "3"]
-MEDIUM = ["--sigma-t", "8", "--albedo", "0.999", "-g", "0.85"]
+VIEW = ["--camera", "0,-5.2,0.2", "--look-at", "0,0,0.2", "--fov", "43", "--sun", "0.8,0.4,-0.6", "--irradiance", "3"]
+MEDIUM = ["--sigma-t", "8", "--albedo", "0.999"]
+PEAKED = [*MEDIUM, "-g", "0.85"]
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +20,9 @@ def cloud(tmp_path_factory):
     return peers.grid(folder / "cloud.vdb", values, voxel, origin)["vdb"]
 
 
-def picture(cloud, folder, *arguments):
+def picture(cloud, folder, *arguments, g="0.85", size="48x36"):
     target, report = folder / "picture.exr", folder / "report.json"
-    command.succeed(cloud, "-o", target, "-o", report, "--overwrite", "-q", *MEDIUM, *VIEW, *arguments)
+    command.succeed(cloud, "-o", target, "-o", report, "--overwrite", "-q", *MEDIUM, "-g", g, *VIEW, "--size", size, *arguments)
     return peers.read_exr(target), json.loads(report.read_text())["render"]
 
 
@@ -41,11 +42,29 @@ def test_it_reaches_the_error_and_shows_what_the_path_tracer_shows(cloud, tmp_pa
     assert abs(layers["Transmittance"].mean() - truth["Transmittance"].mean()) < 0.01
 
 
+def test_nobody_has_to_ask_for_it(cloud, tmp_path):
+    _, report = picture(cloud, tmp_path, "--photons", "20k", "--spp", "4", size="16x12")
+    assert (report["integrator"], report["interval_95"]) == ("grid", 2.131)
+    # What has no end is drawn by the path tracer, and that is told.
+    target, report = tmp_path / "endless.exr", tmp_path / "endless.json"
+    command.succeed(cloud, "-o", target, "-o", report, "-q", *PEAKED, *VIEW, "--periodic", "xy", "--spp", "1", "--size", "16x12")
+    report = json.loads(report.read_text())
+    assert report["render"]["integrator"] == "path" and any("goes on without end" in note for note in report["notes"])
+
+
+def test_harmonics_are_for_light_that_is_not_peaked(cloud, tmp_path):
+    (view, _), (any_view, _) = (
+        picture(cloud, tmp_path, "--photons", "100k", "--spp", "8", "--directional", kind, g="0.3") for kind in ("view", "sh2"))
+    a, b = (x["Combined"].mean(axis=2).astype(float) for x in (view, any_view))
+    # By the same photons, harmonics of degree 2 see what the camera's own field sees, to what degree 3 and beyond hold: 0.3^3.
+    assert not (a == b).all() and abs(b.mean() / a.mean() - 1) < 0.03
+
+
 def test_the_same_seed_gives_the_same_bytes(cloud, tmp_path):
     shots = []
     for threads in (1, 3):
         target = tmp_path / f"{threads}.exr"
-        command.succeed(cloud, "-o", target, "-q", *MEDIUM, *VIEW, "--integrator", "grid", "--photons", "20k", "--spp", "4", "--threads", threads)
+        command.succeed(cloud, "-o", target, "-q", *PEAKED, *VIEW, "--size", "48x36", "--integrator", "grid", "--photons", "20k", "--spp", "4", "--threads", threads)
         shots.append(target.read_bytes())
     assert shots[0] == shots[1]
 
@@ -60,4 +79,4 @@ def test_the_same_seed_gives_the_same_bytes(cloud, tmp_path):
 ])
 def test_it_says_no(cloud, tmp_path, arguments, words):
     target = tmp_path / "no.exr"
-    command.refuse(cloud, "-o", target, *MEDIUM, *VIEW, *arguments, code=2, says=words, folder=tmp_path)
+    command.refuse(cloud, "-o", target, *PEAKED, *VIEW, *arguments, code=2, says=words, folder=tmp_path)

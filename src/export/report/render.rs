@@ -5,6 +5,10 @@ use crate::integrate::photon::Lighting;
 use crate::integrate::{Integrator, RenderSettings, Rendering};
 use serde::Serialize;
 
+/// Student's quantile of 95 % for the groups of photons, which are 16; and for samples, which are many.
+const OF_GROUPS: f64 = 2.131;
+const OF_SAMPLES: f64 = 1.96;
+
 /// A picture: what it took, how wrong it may be, and what half the error would take.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Render {
@@ -28,11 +32,13 @@ pub struct Render {
     pub mean_radiance: f64,
     /// The relative standard error of a pixel: [`crate::film::Film::relative_error`]; absent where one sample cannot tell.
     pub relative_error: Option<f64>,
+    /// How many standard errors to either side hold the truth of 95 % of pixels (Student's quantile).
+    pub interval_95: f64,
     /// How long it took.
     pub seconds: f64,
     /// Camera rays a second.
     pub samples_per_second: f64,
-    /// The stored photons that lit it, where any did; what is blurred over the distances between them is in no error here.
+    /// The photons that lit it, where any did; what stored ones blur over the distances between them is in no error here.
     pub photons: Option<Lighting>,
     /// Samples a pixel that would halve `relative_error`; with stored photons, four times as many of those too, and in an estimate.
     pub spp_for_half: u64,
@@ -54,6 +60,7 @@ impl Render {
             majorant_violations: rendering.violations,
             mean_radiance: rendering.film.mean(),
             relative_error: rendering.film.relative_error().filter(|_| settings.spp > 1),
+            interval_95: if rendering.photons.is_some() { OF_GROUPS } else { OF_SAMPLES },
             seconds,
             samples_per_second: rendering.samples as f64 / seconds.max(1e-9),
             photons: rendering.photons,
@@ -79,7 +86,7 @@ impl Render {
         });
         let lit = self.photons.map_or(String::new(), |p| match p.voxels {
             0 => format!("lit by    {} stored photons, {} in an estimate; what they blur is not in the error\n", p.stored, p.estimate),
-            _ => format!("lit by    {} photons in {} voxels; what is smoothed away is not in the error\n", p.emitted, p.voxels),
+            _ => format!("lit by    {} photons in {} voxels\n", p.emitted, p.voxels),
         });
         let (width, height, spp) = (self.width, self.height, self.spp);
         format!("picture   {width} x {height}, {spp} samples a pixel, {:.3e} a second{known}{cut}\n{lit}", self.samples_per_second)

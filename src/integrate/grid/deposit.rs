@@ -1,7 +1,7 @@
 //! Photons that leave light in voxels.
 
 use super::basis::Basis;
-use super::field::{Groups, Request};
+use super::field::Groups;
 use super::space::Space;
 use crate::error::Result;
 use crate::geom::Ray;
@@ -24,36 +24,67 @@ const ASIDE: f32 = 0.3;
 /// Sums are of whole numbers, of which the strongest photon in the phase function's peak is 2^36: the same in whatever order.
 const WHOLE: f64 = (1u64 << 36) as f64;
 
-/// Follows the photons: by class, what each group leaves in the medium of each voxel, over the whole voxel, as its share of all.
+/// What photons have left: by class, of each voxel and number of the basis, what each group brought to the medium there, over the whole
+/// voxel, as a sum.
+pub(super) type Gathered = [Vec<Groups>; CLASSES.len()];
+
+/// Room for what photons leave.
+pub(super) fn empty(space: &Space, basis: &Basis) -> Gathered {
+    CLASSES.map(|_| vec![[0.0f32; GROUPS]; space.frame.voxels() * basis.len()])
+}
+
+/// Follows photons, `items` of each group, from the item `first` on, and adds what they leave.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
-pub(super) fn gathered(request: &Request, space: &Space, progress: &dyn Progress) -> Result<Vec<Vec<Groups>>> {
-    let Space { frame, usual, .. } = space;
-    let (tracer, basis) = (request.tracer, &request.basis);
-    let items = request.photons.div_ceil(GROUPS as u64 * Tracer::PATHS);
-    let step = f64::from(frame.step);
-    let spacing = (SPACING / (usual * step)).max(1.0);
+pub(super) fn gather(
+    (tracer, media, basis): (&Tracer, &Media, &Basis),
+    space: &Space,
+    (first, items): (u64, u64),
+    seed: u64,
+    into: &mut Gathered,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let step = f64::from(space.frame.step);
+    let spacing = (SPACING / (space.usual * step)).max(1.0);
     let whole = WHOLE / (tracer.strongest() * basis.peak());
-    let values = frame.voxels() * basis.len();
-    let sums = (0..values * CLASSES.len()).into_par_iter().map(|_| AtomicU64::new(0)).collect();
-    let deposits = Deposits { space, basis, media: request.media, sums, whole, spacing: spacing as f32 };
-    let mut classes = vec![vec![[0.0f32; GROUPS]; values]; CLASSES.len()];
-    // Each group is an independent estimate; their mean is the field.
-    let unit = spacing / (whole * step.powi(2) * (items * Tracer::PATHS) as f64 * GROUPS as f64);
+    let places = space.frame.voxels() * basis.len();
+    let sums = (0..places * CLASSES.len()).into_par_iter().map(|_| AtomicU64::new(0)).collect();
+    let held = space.fill.iter().map(|fill| Held::of(fill.share)).collect();
+    let mut deposits = Deposits { space, basis, media, held, sums, whole, spacing: spacing as f32 };
+    let unit = spacing / (whole * step.powi(2));
     progress.begin("photons", items * GROUPS as u64);
     for group in 0..GROUPS {
-        let first = request.first + group as u64 * items;
-        tracer.follow(first..first + items, request.seed, &deposits, progress)?;
+        let first = first + group as u64 * items;
+        tracer.follow(first..first + items, seed, &deposits, progress)?;
         progress.at((group as u64 + 1) * items);
-        for (class, light) in classes.iter_mut().enumerate() {
-            light.par_iter_mut().enumerate().for_each(|(i, light)| {
-                let sum = deposits.sums[i * CLASSES.len() + class].swap(0, Ordering::Relaxed) as i64;
-                light[group] = (sum as f64 * unit) as f32;
+        for (class, light) in into.iter_mut().enumerate() {
+            light.par_iter_mut().enumerate().for_each(|(place, light)| {
+                let sum = deposits.sums[place * CLASSES.len() + class].load(Ordering::Relaxed) as i64;
+                light[group] += (sum as f64 * unit) as f32;
             });
         }
+        deposits.sums.par_iter_mut().for_each(|sum| *sum.get_mut() = 0);
     }
-    Ok(classes)
+    Ok(())
+}
+
+/// How much of a voxel is medium.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Held {
+    Nothing,
+    Part,
+    All,
+}
+
+impl Held {
+    fn of(share: f32) -> Self {
+        match share {
+            ..=0.0 => Held::Nothing,
+            1.0.. => Held::All,
+            _ => Held::Part,
+        }
+    }
 }
 
 /// Where photons leave their light.
@@ -61,6 +92,8 @@ struct Deposits<'a> {
     space: &'a Space,
     basis: &'a Basis,
     media: &'a Media,
+    /// Of each voxel: a byte, for the sake of the cache.
+    held: Vec<Held>,
     /// Of each voxel and number of the basis, by class.
     sums: Vec<AtomicU64>,
     /// What a photon of 1 W leaves in a point for 1/sr.
@@ -80,9 +113,10 @@ impl Witness for Deposits<'_> {
         let class = CLASSES.iter().filter(|&&last| last < events + 1).count();
         let share = (power * self.whole) as f32;
         self.space.frame.along(ray, reach, (self.spacing, rng.uniform_f32()), |p, voxel| {
-            let held = self.space.fill[voxel].share;
-            if held < 1.0 && (held <= 0.0 || self.media.extinction(p) <= 0.0) {
-                return;
+            match self.held[voxel] {
+                Held::All => {}
+                Held::Part if self.media.extinction(p) > 0.0 => {}
+                _ => return,
             }
             let first = voxel * self.basis.len() * CLASSES.len() + class;
             self.basis.each(p, ray.direction, |number, value| {

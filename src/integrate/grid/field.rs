@@ -7,9 +7,8 @@
 //! [`crate::integrate::Integrator::Path`].
 
 use super::basis::Basis;
-use super::deposit::{CLASSES, gathered};
+use super::deposit::{CLASSES, Gathered, empty, gather};
 use super::fit::{Fit, needed};
-use super::frame::Frame;
 use super::space::Space;
 use crate::bvh::Box3;
 use crate::error::Result;
@@ -32,14 +31,12 @@ const USUAL: f64 = 200.0;
 pub(super) struct Request<'a> {
     pub scene: &'a Scene,
     pub media: &'a Media,
-    pub tracer: &'a Tracer,
     pub basis: Basis,
     /// Of the local space, in the world.
     pub origin: DVec3,
     /// Whether light in a box is asked for.
     pub seen: &'a (dyn Fn(Box3) -> bool + Sync),
-    /// Paths, the first item of [`Tracer::follow`], and the seed.
-    pub photons: u64,
+    /// The first item of [`Tracer::follow`], and the seed.
     pub first: u64,
     pub seed: u64,
     /// Voxels at most, and how much wider than usual.
@@ -50,55 +47,100 @@ pub(super) struct Request<'a> {
 /// Light in voxels.
 #[derive(Debug)]
 pub(super) struct Field {
-    frame: Frame,
     basis: Basis,
+    space: Space,
+    /// What photons have left so far, where more are to come.
+    gathered: Option<Gathered>,
+    /// How many items of photons each group has brought to that; the first item, and the seed.
+    items: u64,
+    first: u64,
+    seed: u64,
+    coarser: f64,
     /// Of each voxel and number of the basis, per unit of optical depth and of albedo, by groups.
     light: Vec<Groups>,
+    /// By how much smoothing may be off there, all groups together.
+    doubt: Vec<f32>,
     /// Whether a voxel has medium around it.
     lit: Vec<bool>,
 }
 
 impl Field {
-    /// The light of a scene.
+    /// Voxels for the light of a scene, which is dark yet.
+    pub(super) fn new(request: Request) -> Self {
+        let Request { first, seed, coarser, .. } = request;
+        let space = Space::new(&request);
+        Field { basis: request.basis, space, gathered: None, items: 0, first, seed, coarser, light: vec![], doubt: vec![], lit: vec![] }
+    }
+
+    /// Follows photons until there have been so many, and smooths the light of all. Where it is not to `go_on`, what they left is dropped:
+    /// the next time begins anew.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
-    pub(super) fn new(request: Request, progress: &dyn Progress) -> Result<Self> {
-        let space = Space::new(&request);
-        let classes = gathered(&request, &space, progress)?;
-        let Space { frame, fill, usual } = space;
+    pub(super) fn brighten(
+        &mut self,
+        (tracer, media): (&Tracer, &Media),
+        photons: u64,
+        go_on: bool,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let mut gathered = self.gathered.take().unwrap_or_else(|| {
+            self.items = 0;
+            empty(&self.space, &self.basis)
+        });
+        let more = photons.div_ceil(GROUPS as u64 * Tracer::PATHS).saturating_sub(self.items);
+        if more > 0 {
+            let first = self.first + self.items * GROUPS as u64;
+            gather((tracer, media, &self.basis), &self.space, (first, more), self.seed, &mut gathered, progress)?;
+            self.items += more;
+        }
         // The kernel that is best grows slowly as photons get fewer: with twicing its bias falls as a high power of its width.
-        let crowd = request.photons as f64 / (request.tracer.silhouette() * usual * usual);
-        let wider = (USUAL / crowd).powf(1.0 / 11.0).clamp(0.5, 2.0);
-        let numbers = request.basis.len();
-        let mut light = vec![[0.0f32; GROUPS]; frame.voxels() * numbers];
-        let needed = needed(&frame, &fill);
-        let mut lit = vec![true; frame.voxels()];
+        let crowd = self.photons() as f64 / (tracer.silhouette() * self.space.usual.powi(2));
+        let wider = self.coarser * (USUAL / crowd).powf(1.0 / 11.0).clamp(0.5, 2.0);
         progress.begin("smoothing", CLASSES.len() as u64);
-        for (class, gathered) in classes.into_iter().enumerate() {
+        let (Space { frame, fill, usual, .. }, numbers) = (&self.space, self.basis.len());
+        let needed = needed(frame, fill);
+        self.light = vec![[0.0f32; GROUPS]; frame.voxels() * numbers];
+        self.doubt = vec![0.0; frame.voxels() * numbers];
+        self.lit = vec![true; frame.voxels()];
+        // Each group is an estimate of its own; their mean is the field.
+        let each = (1.0 / self.photons() as f64) as f32;
+        for (class, gathered) in gathered.iter().enumerate() {
             progress.check()?;
             progress.at(class as u64);
-            let fit = Fit::new(&frame, &fill, &needed, request.coarser * wider * KERNELS[class] / (usual * f64::from(frame.step)));
-            lit.iter_mut().enumerate().for_each(|(voxel, lit)| *lit &= fit.holds(voxel));
+            let fit = Fit::new(frame, fill, &needed, wider * KERNELS[class] / (usual * f64::from(frame.step)));
+            self.lit.iter_mut().enumerate().for_each(|(voxel, lit)| *lit &= fit.holds(voxel));
             for number in 0..numbers {
                 for first in (0..GROUPS).step_by(LANES) {
-                    let part = |i: usize| -> [f32; LANES] { std::array::from_fn(|lane| gathered[i * numbers + number][first + lane]) };
+                    let part =
+                        |i: usize| -> [f32; LANES] { std::array::from_fn(|lane| each * gathered[i * numbers + number][first + lane]) };
                     let one: Vec<[f32; LANES]> = (0..frame.voxels()).into_par_iter().map(part).collect();
-                    for (sum, add) in light.iter_mut().skip(number).step_by(numbers).zip(fit.smooth(&one)) {
+                    let (smooth, last) = fit.smooth(&one);
+                    for (sum, add) in self.light.iter_mut().skip(number).step_by(numbers).zip(smooth) {
                         sum[first..].iter_mut().zip(add).for_each(|(s, a)| *s += a);
+                    }
+                    for (sum, add) in self.doubt.iter_mut().skip(number).step_by(numbers).zip(last) {
+                        *sum += add.iter().sum::<f32>();
                     }
                 }
             }
         }
-        Ok(Field { frame, basis: request.basis, light, lit })
+        self.gathered = go_on.then_some(gathered);
+        Ok(())
+    }
+
+    /// Paths that have been followed.
+    pub(super) fn photons(&self) -> u64 {
+        self.items * GROUPS as u64 * Tracer::PATHS
     }
 
     /// Adds `share` of the light that scattering with mean cosine `g` at `p` sends into `outward`, per unit of optical depth and of
-    /// albedo, by groups whose sum it is. In the field of a camera `outward` is the way to it.
+    /// albedo, by groups whose sum it is; and to the last number, by how much smoothing may be off. In the field of a camera `outward` is
+    /// the way to it.
     #[inline]
-    pub(super) fn scattered(&self, p: Vec3, outward: Vec3, g: f64, share: f32, sum: &mut Groups) {
+    pub(super) fn scattered(&self, p: Vec3, outward: Vec3, g: f64, share: f32, (sum, doubt): (&mut Groups, &mut f32)) {
         let (mut whole, mut found, mut count) = (0.0f32, [(0usize, 0.0f32); 8], 0);
-        self.frame.around(p, |voxel, weight| {
+        self.space.frame.around(p, |voxel, weight| {
             if self.lit[voxel] {
                 whole += weight;
                 found[count] = (voxel, weight);
@@ -113,12 +155,13 @@ impl Field {
             let weight = weight * share / whole;
             self.basis.shares(g, outward, |number, part| {
                 sum.iter_mut().zip(&self.light[voxel * numbers + number]).for_each(|(s, &l)| *s += weight * part * l);
+                *doubt += weight * part * self.doubt[voxel * numbers + number];
             });
         }
     }
 
     /// Voxels.
     pub(super) fn voxels(&self) -> u64 {
-        self.frame.voxels() as u64
+        self.space.frame.voxels() as u64
     }
 }

@@ -6,6 +6,7 @@
 //! the fourth power of the kernel's width, at the boundary as elsewhere.
 
 use super::frame::Frame;
+use super::sums::{SIDE, Taps};
 use crate::scene::density::BRICK_VOXELS;
 use glam::{IVec3, Mat3, Vec3};
 use rayon::prelude::*;
@@ -16,7 +17,6 @@ const NARROWEST: f64 = 0.3;
 const WIDEST: f64 = 3.4;
 /// A kernel ends at so many standard deviations.
 const REACH: f64 = 2.35;
-const SIDE: usize = 8;
 /// How often what a fit took away is fitted and given back.
 const GIVEN_BACK: u32 = 2;
 /// What keeps a fit to voxels in a plane from tilting freely, as a share of the kernel's variance.
@@ -27,8 +27,7 @@ const LEAST: f32 = 1e-4;
 /// A kernel, ready for the voxels of a frame.
 pub(super) struct Fit<'a> {
     frame: &'a Frame,
-    /// By powers 0, 1 and 2 of the distance: values at -reach..=reach.
-    taps: [Vec<f32>; 3],
+    taps: Taps,
     /// Of each voxel: what the sums of light, and of light times distance along each axis, count.
     shares: Vec<[f32; 4]>,
     fill: &'a [Fill],
@@ -47,28 +46,21 @@ impl<'a> Fit<'a> {
     /// along z whether any light there will be looked up.
     pub fn new(frame: &'a Frame, fill: &'a [Fill], needed: &'a [bool], width: f64) -> Self {
         let width = width.clamp(NARROWEST, WIDEST);
-        let reach = ((REACH * width).ceil() as usize).min(SIDE);
-        let tap = |i: usize, power: i32| {
-            let d = i as f64 - reach as f64;
-            ((-0.5 * (d / width).powi(2)).exp() * d.powi(power)) as f32
-        };
-        let taps = [0, 1, 2].map(|power| (0..=2 * reach).map(|i| tap(i, power)).collect());
-        let mut fit = Fit { frame, taps, shares: Vec::new(), fill, needed };
+        let taps = Taps::new(width, ((REACH * width).ceil() as usize).min(SIDE));
         // Of the weights, and of the middles times them: 1, x, y, z, xx, xy, xz, yy, yz, zz.
-        let own: Vec<[f32; 4]> = fill.iter().map(|f| (f.middle * f.share).extend(f.share).to_array()).collect();
-        let x = [0, 1, 2].map(|p| fit.sums(&own, 0, p, None));
-        let y = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)].map(|(i, p)| fit.sums(&x[i], 1, p, None));
-        let z = [(0, 0), (3, 0), (1, 0), (0, 1), (5, 0), (4, 0), (3, 1), (2, 0), (1, 1), (0, 2)];
-        let z = z.map(|(i, p)| fit.sums(&y[i], 2, p, Some(needed)));
+        let own: Vec<[[f32; 4]; 1]> = fill.iter().map(|f| [(f.middle * f.share).extend(f.share).to_array()]).collect();
+        let x = taps.along(frame, 0, &own, ([(0, 0), (0, 1), (0, 2)], None), [[0.0; 4]; 3], |_, sums| sums);
+        let y = taps.along(frame, 1, &x, ([(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)], None), [[0.0; 4]; 6], |_, sums| sums);
+        let moments = [(0, 0), (3, 0), (1, 0), (0, 1), (5, 0), (4, 0), (3, 1), (2, 0), (1, 1), (0, 2)];
         let ridge = RIDGE * (width * width) as f32;
-        let least = LEAST * fit.taps[0].iter().sum::<f32>().powi(3);
-        let shares = |v: usize| {
-            let weights = z.each_ref().map(|z| z[v][3]);
-            let middles = [&z[0], &z[1], &z[2], &z[3]].map(|z| Vec3::from_slice(&z[v]));
+        let least = LEAST * taps.whole().powi(3);
+        let shares = |_: usize, z: [[f32; 4]; 10]| {
+            let weights = z.map(|z| z[3]);
+            let middles = [z[0], z[1], z[2], z[3]].map(|z| Vec3::from_slice(&z));
             if weights[0] < least { [0.0; 4] } else { shares(weights, middles, ridge) }
         };
-        fit.shares = (0..fill.len()).into_par_iter().map(shares).collect();
-        fit
+        let shares = taps.along(frame, 2, &y, (moments, Some(needed)), [0.0; 4], shares);
+        Fit { frame, taps, shares, fill, needed }
     }
 
     /// Whether a voxel has medium enough around it.
@@ -76,9 +68,10 @@ impl<'a> Fit<'a> {
         self.shares[voxel] != [0.0; 4]
     }
 
-    /// Light per volume of the voxels, as it lies in their medium, to light at the voxels' centres, smoothed.
-    pub fn smooth<const N: usize>(&self, light: &[[f32; N]]) -> Vec<[f32; N]> {
-        let mut sum = self.once(light);
+    /// Light per volume of the voxels, as it lies in their medium, to light at the voxels' centres, smoothed; and what of that was given
+    /// back last, which tells by how much smoothing may still be off.
+    pub fn smooth<const N: usize>(&self, light: &[[f32; N]]) -> (Vec<[f32; N]>, Vec<[f32; N]>) {
+        let (mut sum, mut last) = (self.once(light), Vec::new());
         for _ in 0..GIVEN_BACK {
             let rest = |(v, light): (usize, &[f32; N])| {
                 let (share, there) = (self.fill[v].share, self.in_medium(&sum, v));
@@ -87,8 +80,9 @@ impl<'a> Fit<'a> {
             let rest: Vec<[f32; N]> = light.par_iter().enumerate().map(rest).collect();
             let back = self.once(&rest);
             sum.par_iter_mut().zip(&back).for_each(|(s, b)| s.iter_mut().zip(b).for_each(|(s, b)| *s += b));
+            last = back;
         }
-        sum
+        (sum, last)
     }
 
     /// Light in the middle of a voxel's medium.
@@ -108,60 +102,14 @@ impl<'a> Fit<'a> {
     }
 
     pub(super) fn once<const N: usize>(&self, own: &[[f32; N]]) -> Vec<[f32; N]> {
-        let mut out = vec![[0.0; N]; own.len()];
-        let mut add = |part: Vec<[f32; N]>, number: usize| {
-            out.par_iter_mut().zip(&part).zip(&self.shares).for_each(|((out, part), shares)| {
-                out.iter_mut().zip(part).for_each(|(o, p)| *o += shares[number] * p);
-            });
+        let own: &[[[f32; N]; 1]] = own.as_chunks().0;
+        let x = self.taps.along(self.frame, 0, own, ([(0, 0), (0, 1)], None), [[0.0; N]; 2], |_, sums| sums);
+        let y = self.taps.along(self.frame, 1, &x, ([(0, 0), (0, 1), (1, 0)], None), [[0.0; N]; 3], |_, sums| sums);
+        let fitted = |voxel: usize, sums: [[f32; N]; 4]| {
+            let shares = &self.shares[voxel];
+            std::array::from_fn(|i| sums.iter().zip(shares).map(|(sum, share)| share * sum[i]).sum())
         };
-        let last = |from: &[[f32; N]], power: usize| self.sums(from, 2, power, Some(self.needed));
-        let x = self.sums(own, 0, 0, None);
-        let xy = self.sums(&x, 1, 0, None);
-        add(last(&xy, 0), 0);
-        add(last(&xy, 1), 3);
-        add(last(&self.sums(&x, 1, 1, None), 0), 2);
-        let x = self.sums(own, 0, 1, None);
-        add(last(&self.sums(&x, 1, 0, None), 0), 1);
-        out
-    }
-
-    /// Sums along an axis, by the kernel times a power of the distance; of lines along z only those that are `needed`, if that is given.
-    fn sums<const N: usize>(&self, from: &[[f32; N]], axis: usize, power: usize, needed: Option<&[bool]>) -> Vec<[f32; N]> {
-        let (frame, taps) = (self.frame, &self.taps[power]);
-        let (stride, reach) = ([64, 8, 1][axis], taps.len() / 2);
-        // Of a brick, the first voxels of its lines along the axis.
-        let starts: Vec<usize> = (0..BRICK_VOXELS).filter(|v| v / stride % SIDE == 0).collect();
-        let mut out = vec![[0.0; N]; from.len()];
-        out.par_chunks_exact_mut(BRICK_VOXELS).zip(&frame.bricks).enumerate().for_each(|(number, (out, &brick))| {
-            let beside: [Option<usize>; 3] = std::array::from_fn(|i| frame.brick(brick + IVec3::AXES[axis] * (i as i32 - 1)));
-            let mut line = [[0.0; N]; 3 * SIDE];
-            for &start in &starts {
-                if needed.is_some_and(|needed| !needed[(number * BRICK_VOXELS + start) / SIDE]) {
-                    continue;
-                }
-                let mut any = false;
-                for (part, number) in line.chunks_exact_mut(SIDE).zip(beside) {
-                    for (k, to) in part.iter_mut().enumerate() {
-                        *to = number.map_or([0.0; N], |n| from[n * BRICK_VOXELS + start + k * stride]);
-                        any |= to[N - 1] != 0.0;
-                    }
-                }
-                // Much of a brick at the boundary is empty.
-                if !any {
-                    continue;
-                }
-                for k in 0..SIDE {
-                    let mut sum = [0.0; N];
-                    for (tap, from) in taps.iter().zip(&line[SIDE + k - reach..]) {
-                        for (s, f) in sum.iter_mut().zip(from) {
-                            *s += tap * f;
-                        }
-                    }
-                    out[start + k * stride] = sum;
-                }
-            }
-        });
-        out
+        self.taps.along(self.frame, 2, &y, ([(0, 0), (2, 0), (1, 0), (0, 1)], Some(self.needed)), [0.0; N], fitted)
     }
 }
 

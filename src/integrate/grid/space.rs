@@ -19,6 +19,7 @@ const MOST_SIDE: f64 = 2048.0;
 const POINTS: i32 = 3;
 
 /// Voxels, and what is in them.
+#[derive(Debug)]
 pub(super) struct Space {
     pub frame: Frame,
     /// How much medium each voxel holds.
@@ -39,7 +40,7 @@ impl Space {
         let least = (volume / (8.0 * request.voxels as f64)).cbrt();
         let (sum, mass) = regions.iter().map(dense).fold((0.0, 0.0), |s, d| (s.0 + d.0 * d.1, s.1 + d.1));
         let mut step = size(if mass > 0.0 { sum / mass } else { 0.0 }).max(least);
-        let smallest = regions.iter().map(|r| r.shape.smallest_half_extent()).fold(f64::INFINITY, f64::min);
+        let smallest = regions.iter().map(|r| detail(&r.shape)).fold(f64::INFINITY, f64::min);
         let mut refined = false;
         loop {
             let frame = Frame::new(regions, request.origin, bounds, step, request.seen);
@@ -60,6 +61,14 @@ impl Space {
             let fill = filled(&frame, &corners, request.media, smallest < 2.0 * step);
             return Space { frame, fill, usual };
         }
+    }
+}
+
+/// How small what a shape holds may be: a grid's clouds are some voxels thick, m.
+fn detail(shape: &Shape) -> f64 {
+    match shape {
+        Shape::Grid(grid) => 4.0 * grid.bricks.world_from_index.matrix3.determinant().abs().cbrt(),
+        _ => shape.smallest_half_extent(),
     }
 }
 

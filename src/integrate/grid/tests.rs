@@ -59,36 +59,45 @@ fn several(scene: &Scene, integrator: Integrator, (spp, photons, seeds): (u32, u
 /// The share by which smoothing may be off in a picture's mean; the README states what it is on more scenes.
 const BIAS: f64 = 0.012;
 
-fn agrees(name: &str, scene: &Scene, spp: u32) {
+fn agrees(name: &str, scene: &Scene, spp: u32, seeds: u64) {
     let truth = means(&picture(scene, Integrator::Path, spp, 0, 77));
-    let found = several(scene, Integrator::Grid, (8, 60_000, 4));
+    let found = several(scene, Integrator::Grid, (8, 40_000, seeds));
     for (c, (found, truth)) in found.iter().zip(&truth).enumerate() {
         let (off, sigma) = (found.0 / truth.0 - 1.0, found.1.hypot(truth.1) / truth.0);
         println!("{name}, channel {c}: off by {:+.2} % +- {:.2} %", 100.0 * off, 100.0 * sigma);
-        assert!(sigma < 0.015, "{name}: {sigma} says nothing");
+        assert!(sigma < 0.02, "{name}: {sigma} says nothing");
         assert!(off.abs() < BIAS + 3.5 * sigma, "{name}, channel {c}: {off} +- {sigma}");
     }
 }
 
 #[test]
 fn a_ball_with_a_hard_edge() {
-    agrees("thick", &lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(8.0, 0.999, 0.85))]), 800);
-    agrees("isotropic", &lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(5.0, 0.99, 0.0))]), 300);
-    agrees("thin", &lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(0.3, 0.999, 0.6))]), 600);
-    agrees("backward", &lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(4.0, 0.999, -0.5))]), 300);
+    agrees("thick", &lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(8.0, 0.999, 0.85))]), 400, 4);
+}
+
+#[test]
+#[ignore = "takes a minute: make crosscheck"]
+fn balls_of_other_media() {
+    agrees("isotropic", &lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(5.0, 0.99, 0.0))]), 300, 4);
+    agrees("thin", &lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(0.3, 0.999, 0.6))]), 600, 4);
+    agrees("backward", &lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(4.0, 0.999, -0.5))]), 300, 4);
+    agrees("overlaps", &overlaps(), 300, 4);
+}
+
+fn overlaps() -> Scene {
+    lit(vec![
+        ball(DVec3::new(-0.4, 0.0, 0.0), 0.8, Medium::with_albedo(4.0, 0.95, 0.7)),
+        ball(DVec3::new(0.5, 0.1, 0.1), 0.7, Medium::with_albedo(3.0, 0.8, 0.0)),
+        ball(DVec3::new(0.2, -0.2, 0.4), 0.3, Medium::with_albedo(1.5, 0.0, 0.0)),
+    ])
 }
 
 #[test]
 fn overlaps_ground_sky_and_colours() {
-    let mut scene = lit(vec![
-        ball(DVec3::new(-0.4, 0.0, 0.0), 0.8, Medium::with_albedo(4.0, 0.95, 0.7)),
-        ball(DVec3::new(0.5, 0.1, 0.1), 0.7, Medium::with_albedo(3.0, 0.8, 0.0)),
-        ball(DVec3::new(0.2, -0.2, 0.4), 0.3, Medium::with_albedo(1.5, 0.0, 0.0)),
-    ]);
-    agrees("overlaps", &scene, 300);
+    let mut scene = overlaps();
     scene.surfaces.push(ground(0.5));
     scene.sky = [0.2, 0.3, 0.6];
-    agrees("above ground, under a blue sky", &scene, 200);
+    agrees("above ground, under a blue sky", &scene, 100, 3);
 }
 
 /// Where nothing is absorbed and light comes from everywhere alike, it goes everywhere alike: the sky's photons, the fits and the march
@@ -101,13 +110,14 @@ fn a_white_furnace() {
     scene.sky = [1.0; 3];
     for surfaces in [vec![], vec![ground(1.0)]] {
         scene.surfaces = surfaces;
-        let (mean, se) = several(&scene, Integrator::Grid, (8, 60_000, 4))[0];
+        let (mean, se) = several(&scene, Integrator::Grid, (8, 30_000, 4))[0];
         println!("furnace with {} surfaces: {mean:.5} +- {se:.5}", scene.surfaces.len());
-        assert!(se < 5e-3 && (mean - 1.0).abs() < 3.5 * se + BIAS / 4.0, "{mean} +- {se}");
+        assert!(se < 8e-3 && (mean - 1.0).abs() < 3.5 * se + BIAS / 4.0, "{mean} +- {se}");
     }
 }
 
 #[test]
+#[ignore = "takes a minute: make crosscheck"]
 fn the_photon_integrator_sees_the_same() {
     let scene = lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(6.0, 0.99, 0.7))]);
     let (grid, photon) = (several(&scene, Integrator::Grid, (8, 60_000, 4))[0], several(&scene, Integrator::Photon, (16, 100_000, 3))[0]);
@@ -117,22 +127,67 @@ fn the_photon_integrator_sees_the_same() {
     assert!(off.abs() < 2.0 * BIAS + 3.5 * sigma, "{off} +- {sigma}");
 }
 
-/// The stated error of a pixel is what pixels of other seeds scatter by.
+/// The truth lies within a pixel's 95 % interval (Student's, by 16 groups) about as often as that says: noise and smoothing together. The
+/// README tells what a dozen scenes gave.
 #[test]
-fn errors_are_honest() {
-    let scene = lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(8.0, 0.999, 0.85))]);
-    let shots: Vec<Rendering> = (0..24).map(|seed| picture(&scene, Integrator::Grid, 8, 20_000, seed)).collect();
-    let (mut measured, mut stated) = (0.0, 0.0);
-    for i in 0..(SIZE * SIZE) as usize {
-        let values: Vec<f64> = shots.iter().map(|s| f64::from(s.film.pixels[i].combined()[1])).collect();
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        measured += values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64;
-        stated += shots.iter().map(|s| f64::from(s.film.pixels[i].standard_error[1]).powi(2)).sum::<f64>() / values.len() as f64;
+fn intervals_hold() {
+    let scene = lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(8.0, 0.999, 0.0))]);
+    let truth = picture(&scene, Integrator::Path, 400, 0, 99).film;
+    let (mut held, mut all) = (0.0, 0.0);
+    for seed in 0..3 {
+        let shot = picture(&scene, Integrator::Grid, 16, 50_000, seed).film;
+        for (found, truth) in shot.pixels.iter().zip(&truth.pixels).filter(|(_, t)| t.combined()[1] > 0.0) {
+            let off = f64::from(found.combined()[1] - truth.combined()[1]).abs();
+            held += f64::from(off < 2.131 * f64::from(found.standard_error[1]).hypot(truth.standard_error[1].into()));
+            all += 1.0;
+        }
     }
-    let ratio = (stated / measured).sqrt();
-    println!("stated over measured: {ratio:.3}");
-    // 24 pictures whose pixels err together know their own error to about 5 %.
-    assert!((0.85..1.2).contains(&ratio), "{ratio}");
+    println!("{:.1} % of pixels held", 100.0 * held / all);
+    // Pixels err together: three pictures say it to a few per cent.
+    assert!((0.91..0.985).contains(&(held / all)), "{}", held / all);
+}
+
+/// Photons that come later add to those that were there, and nothing is followed twice.
+#[test]
+fn photons_add_up() {
+    let scene = lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(8.0, 0.999, 0.85))]);
+    let camera = Camera::look_at(DVec3::new(3.0, -5.0, 2.5), DVec3::ZERO, 0.5).unwrap();
+    let plan = Plan::for_scene(&scene, Density::Source);
+    let mut renderer = crate::integrate::Renderer::new(&scene, &plan, &camera, true);
+    let mut take = |photons: u64| {
+        let photon = PhotonSettings { photons, ..PhotonSettings::default() };
+        let settings = RenderSettings { integrator: Integrator::Grid, width: SIZE, height: SIZE, spp: 16, seed: 5, photon };
+        renderer.take(&settings, None, &Silent).unwrap()
+    };
+    let (few, many, again) = (take(4_000), take(64_000), take(64_000));
+    assert_eq!(many.film, again.film);
+    assert!((64_000..67_000).contains(&many.photons.unwrap().emitted), "{:?}", many.photons);
+    let (few, many) = (few.film.relative_error().unwrap(), many.film.relative_error().unwrap());
+    println!("known to {few:.4} by 4,000 photons, to {many:.4} by 64,000");
+    // Sixteen times the photons are a quarter of their noise; smoothing and samples add what does not fall.
+    assert!((0.2..0.5).contains(&(many / few)), "{few} {many}");
+}
+
+/// Harmonics of any direction, for phase functions that are not peaked: seen from two cameras.
+#[test]
+fn harmonics_see_the_same() {
+    let scene = lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(3.0, 0.99, 0.4))]);
+    let plan = Plan::for_scene(&scene, Density::Source);
+    for eye in [DVec3::new(3.0, -5.0, 2.5), DVec3::new(-4.0, 3.0, -3.0)] {
+        let camera = Camera::look_at(eye, DVec3::ZERO, 0.5).unwrap();
+        let take = |integrator, spp, seed| {
+            let photon = PhotonSettings { photons: 30_000, directional: Directional::Sh2, ..PhotonSettings::default() };
+            let settings = RenderSettings { integrator, width: SIZE, height: SIZE, spp, seed, photon };
+            means(&render(&scene, &plan, &camera, &settings, None, &Silent).unwrap())[0]
+        };
+        let truth = take(Integrator::Path, 150, 9);
+        let found: Vec<f64> = (0..4).map(|seed| take(Integrator::Grid, 8, seed).0).collect();
+        let mean = found.iter().sum::<f64>() / 4.0;
+        let se = (found.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / 12.0).sqrt();
+        let (off, sigma) = (mean / truth.0 - 1.0, se.hypot(truth.1) / truth.0);
+        println!("from {eye}: off by {:+.2} % +- {:.2} %", 100.0 * off, 100.0 * sigma);
+        assert!(sigma < 0.02 && off.abs() < BIAS + 3.5 * sigma, "{off} +- {sigma}");
+    }
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn even_slopes_stay() {
     let needed = needed(&frame, &fill);
     for width in [0.1, 0.7, 1.5, 3.0] {
         let fit = Fit::new(&frame, &fill, &needed, width);
-        let smooth = fit.smooth(&gathered);
+        let (smooth, _) = fit.smooth(&gathered);
         let off = |v: usize| (smooth[v][0] / light(centres[v]) - 1.0).abs();
         let near = |v: &usize| fill[*v].share > 0.0 && (centres[*v] - 16.0).abs().max_element() < 8.0;
         let worst = (0..centres.len()).filter(near).map(off).fold(0.0, f32::max);
