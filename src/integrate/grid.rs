@@ -106,7 +106,6 @@ impl GridTracer {
         // What photons are too few for, or pixels too wide, is not worth its time.
         let told = if go_on { u64::MAX } else { settings.photon.photons / parts.len() as u64 };
         let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
-        let worth = told.min(shown).max(LEAST_VOXELS) as usize;
         let channel = |(part, mask, tint): (Cow<Scene>, Vec3, Vec3)| {
             let tracer = PathTracer::new(&part, plan);
             let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass();
@@ -114,16 +113,17 @@ impl GridTracer {
             let (mut view, mut around) = (None, None);
             if !part.regions.is_empty() && photons.strongest() > 0.0 {
                 let media = &tracer.bands[0].media;
-                let field = |basis: Basis, seen: &(dyn Fn(Box3) -> bool + Sync), first: u64, coarser: f64| {
-                    let voxels = (held as usize / basis.len()).min(worth);
+                let field = |basis: Basis, seen: &(dyn Fn(Box3) -> bool + Sync), first: u64, coarser: f64, fewer: u64| {
+                    let worth = told.min(shown).max(LEAST_VOXELS) / fewer;
+                    let voxels = (held / basis.len() as u64).min(worth) as usize;
                     let (scene, origin, seed) = (&*part, tracer.origin, settings.seed);
                     Field::new(Request { scene, media, basis, origin, seen, first, seed, voxels, coarser })
                 };
                 if settings.photon.directional == Directional::View {
-                    view = Some(field(Basis::view(&part, lens.position()), &|brick| sees(&lens, media, brick), 0, 1.0));
-                    around = (!tracer.surfaces.is_empty()).then(|| field(Basis::Around, &|_| true, FIRST, COARSER));
+                    view = Some(field(Basis::view(&part, lens.position()), &|brick| sees(&lens, media, brick), 0, 1.0, 1));
+                    around = (!tracer.surfaces.is_empty()).then(|| field(Basis::Around, &|_| true, FIRST, COARSER, FEWER));
                 } else {
-                    view = Some(field(Basis::Around, &|_| true, 0, 1.0));
+                    view = Some(field(Basis::Around, &|_| true, 0, 1.0, 1));
                 }
             }
             Channel { tracer, photons, view, around, mask, tint }
