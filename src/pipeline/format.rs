@@ -83,7 +83,7 @@ impl<'a> Targets<'a> {
         let picture = self.any(Format::Exr) || self.any(Format::Png);
         match job.picture.integrator.filter(|_| picture) {
             Some(Integrator::Photon) => check_photons(job, &layout.scene),
-            Some(Integrator::Grid) => match gridless(&layout.scene, job.duality.model) {
+            Some(Integrator::Grid) => match gridless(layout.scene.regions.iter().filter(|r| stays(r, job.density)), job.duality.model) {
                 Some(reason) => Err(Error::Usage(format!("{}: {reason}: use --integrator path", job.input.display()))),
                 None => Ok(()),
             },
@@ -112,14 +112,18 @@ impl<'a> Targets<'a> {
     }
 }
 
+/// Whether a region is rendered as it is: the duality makes balls of everything but grids.
+fn stays(region: &Region, density: Density) -> bool {
+    density == Density::Source || matches!(region.shape, Shape::Grid(_))
+}
+
 /// Refuses what the photon integrator cannot do.
 fn check_photons(job: &Job, scene: &Scene) -> Result<()> {
     let usage = |text: String| Err(Error::Usage(text));
     let beam = job.picture.gather == Gathering::Beam;
     check_gather(job.picture.gather, job.duality.model)?;
-    // The duality makes balls of everything but grids.
-    let (grid, dual) = (|r: &Region| matches!(r.shape, Shape::Grid(_)), job.density == Density::Duality);
-    let endless = |r: &Region| r.shape.is_endless() && (grid(r) || !dual);
+    let grid = |r: &Region| matches!(r.shape, Shape::Grid(_));
+    let endless = |r: &Region| r.shape.is_endless() && stays(r, job.density);
     let name = |region: Option<&Region>| region.map_or_else(String::new, |r| format!("{}: region {:?}", job.input.display(), r.name));
     let first = scene.regions.iter().find(|r| endless(r));
     if first.is_some() && !scene.regions.iter().all(endless) {

@@ -59,7 +59,7 @@ impl Default for Picture {
 impl Picture {
     /// What the integrators are told of a scene's, with the photons, the model and the seed of a run.
     pub fn settings(&self, scene: &Scene, framed: &Framed, photons: u64, duality: &Duality) -> RenderSettings {
-        let able = if gridless(scene, duality.model).is_none() { Integrator::Grid } else { Integrator::Path };
+        let able = if gridless(&scene.regions, duality.model).is_none() { Integrator::Grid } else { Integrator::Path };
         let integrator = self.integrator.unwrap_or(able);
         let Picture { spp, gather, step, shadow_rays, memory, directional, .. } = *self;
         let spp = spp.unwrap_or(integrator.usual_spp());
@@ -71,7 +71,7 @@ impl Picture {
     /// What is missing in it, where anything is.
     pub(super) fn note(&self, scene: &Scene, model: Model) -> Option<String> {
         match self.integrator {
-            None => gridless(scene, model).map(|reason| format!("the picture is by --integrator path, as {reason}")),
+            None => gridless(&scene.regions, model).map(|reason| format!("the picture is by --integrator path, as {reason}")),
             Some(Integrator::Photon) if scene.sky.iter().any(|&c| c > 0.0) => Some(
                 "the sky is seen, and lights surfaces, but stored photons come from the sun alone: its light is not scattered in regions; --integrator path scatters it".into(),
             ),
@@ -80,9 +80,9 @@ impl Picture {
     }
 }
 
-/// Why [`Integrator::Grid`] cannot follow the light of a scene, where it cannot.
-pub(super) fn gridless(scene: &Scene, model: Model) -> Option<String> {
-    if let Some(region) = scene.regions.iter().find(|r| r.shape.is_endless()) {
+/// Why [`Integrator::Grid`] cannot follow the light of some regions, where it cannot.
+pub(super) fn gridless<'a>(regions: impl IntoIterator<Item = &'a Region>, model: Model) -> Option<String> {
+    if let Some(region) = regions.into_iter().find(|r| r.shape.is_endless()) {
         return Some(format!("region {:?} goes on without end, and --integrator grid needs bounds", region.name));
     }
     (model == Model::Hura2006).then(|| "--integrator grid conserves energy, which --model hura2006 does not".into())

@@ -52,6 +52,16 @@ def test_nobody_has_to_ask_for_it(cloud, tmp_path):
     assert report["render"]["integrator"] == "path" and any("goes on without end" in note for note in report["notes"])
 
 
+def test_of_a_layer_the_duality_makes_regions_that_end(scenes, tmp_path):
+    few = ["--photons", "20k", "--spp", "2", "--size", "16x12", "-q"]
+    for asked in ([], ["--integrator", "grid"]):
+        target, report = tmp_path / "layer.exr", tmp_path / "layer.json"
+        command.succeed(scenes / "slab.gltf", "-o", target, "-o", report, "--overwrite", *few, *asked)
+        assert json.loads(report.read_text())["render"]["integrator"] == "grid"
+    command.refuse(scenes / "slab.gltf", "-o", tmp_path / "no.exr", *few, "--density", "source", "--integrator", "grid", code=2,
+                   says=["without end", "--integrator path"], folder=tmp_path)
+
+
 def test_harmonics_are_for_light_that_is_not_peaked(cloud, tmp_path):
     (view, _), (any_view, _) = (
         picture(cloud, tmp_path, "--photons", "100k", "--spp", "8", "--directional", kind, g="0.3") for kind in ("view", "sh2"))
