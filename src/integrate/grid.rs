@@ -18,7 +18,7 @@ mod sums;
 
 use super::lens::{Lens, View};
 use super::path::PathTracer;
-use super::photon::{Lighting, by_channel, channels_of};
+use super::photon::{Lighting, channels_of};
 use super::tile::{Arrival, Layer, Transport};
 use super::{Directional, RenderSettings};
 use crate::bvh::Box3;
@@ -30,7 +30,7 @@ use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
-use crate::scene::{Camera, Scene, medium::luminance};
+use crate::scene::{Camera, Scene, Sun, medium::luminance};
 use basis::Basis;
 use field::{Field, Groups, Request};
 use glam::{DVec3, Vec3};
@@ -157,16 +157,22 @@ impl GridTracer {
 }
 
 /// The grey scenes that make up a scene, with the channels that each stands for and the tint of its light: one, where sun and sky have the
-/// same, and nothing else is coloured.
+/// same and nothing else is coloured; two, one of the sun's light and one of the sky's, where only these differ, so that noise has no other
+/// colours than they; else three.
 fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
     let (sun, sky) = (scene.sun.irradiance, scene.sky);
-    let alike = (0..3).all(|c| (sun[c] * luminance(sky) - sky[c] * luminance(sun)).abs() <= 1e-9 * luminance(sky) * luminance(sun));
-    if !alike {
-        return by_channel(scene);
-    }
     let mut parts = channels_of(scene, Model::Physical);
-    if luminance(sun) <= 0.0 && parts.len() == 1 && luminance(sky) > 0.0 {
-        parts[0].2 = (DVec3::from_array(sky) / luminance(sky)).as_vec3();
+    if parts.len() > 1 || luminance(sky) <= 0.0 {
+        return parts;
+    }
+    let alike = (0..3).all(|c| (sun[c] * luminance(sky) - sky[c] * luminance(sun)).abs() <= 1e-9 * luminance(sky) * luminance(sun));
+    let sky_tint = (DVec3::from_array(sky) / luminance(sky)).as_vec3();
+    if luminance(sun) <= 0.0 {
+        parts[0].2 = sky_tint;
+    } else if !alike {
+        parts[0].0 = Cow::Owned(Scene { sky: [0.0; 3], ..scene.clone() });
+        let dark = Sun { irradiance: [0.0; 3], ..scene.sun };
+        parts.push((Cow::Owned(Scene { sun: dark, ..scene.clone() }), Vec3::ONE, sky_tint));
     }
     parts
 }

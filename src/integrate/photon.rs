@@ -213,7 +213,7 @@ pub(super) fn channels_of(scene: &Scene, model: Model) -> Vec<(Cow<'_, Scene>, V
 }
 
 /// The scene in R, in G and in B.
-pub(super) fn by_channel<'a>(scene: &Scene) -> Vec<(Cow<'a, Scene>, Vec3, Vec3)> {
+fn by_channel<'a>(scene: &Scene) -> Vec<(Cow<'a, Scene>, Vec3, Vec3)> {
     (0..3).map(|c| (Cow::Owned(with(scene, &|m| m.channel(c), &|rgb| [rgb[c]; 3])), Vec3::AXES[c], Vec3::ONE)).collect()
 }
 

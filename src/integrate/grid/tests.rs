@@ -9,7 +9,7 @@ use crate::integrate::photon::PhotonSettings;
 use crate::integrate::{Integrator, Rendering, render};
 use crate::plan::Density;
 use crate::progress::Silent;
-use crate::scene::{Medium, Mesh, Region, Shape, Sun, Surface};
+use crate::scene::{Medium, Mesh, Region, Shape, Surface};
 
 const SIZE: u32 = 24;
 
@@ -98,6 +98,19 @@ fn overlaps_ground_sky_and_colours() {
     scene.surfaces.push(ground(0.5));
     scene.sky = [0.2, 0.3, 0.6];
     agrees("above ground, under a blue sky", &scene, 100, 3);
+}
+
+/// Under a coloured sky grey clouds have no other colours than the sun's and the sky's, in their noise neither.
+#[test]
+fn noise_has_the_colours_of_the_lights() {
+    let mut scene = lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(5.0, 0.99, 0.7))]);
+    scene.sky = [0.2, 0.3, 0.6];
+    for pixel in &picture(&scene, Integrator::Grid, 4, 5_000, 1).film.pixels {
+        // White light adds to each channel alike: what is left is the sky's.
+        let [r, g, b] = pixel.combined().map(f64::from);
+        assert!(((b - g) - 3.0 * (g - r)).abs() < 1e-4, "{r} {g} {b}");
+    }
+    agrees("under a blue sky", &scene, 200, 3);
 }
 
 /// Where nothing is absorbed and light comes from everywhere alike, it goes everywhere alike: the sky's photons, the fits and the march
