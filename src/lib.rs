@@ -71,6 +71,7 @@
 #![deny(unsafe_code)]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod bake;
 pub mod bvh;
 pub mod cli;
 pub mod doctor;

@@ -4,7 +4,7 @@ use crate::error::Result;
 use crate::export::report::Report;
 use crate::export::staged::Staged;
 use crate::export::vdb::VdbOptions;
-use crate::export::{exr, glb, png};
+use crate::export::{blend, exr, glb, png};
 use crate::import::{self, ImportOptions};
 use crate::plan::{Density, Plan};
 use crate::progress::Progress;
@@ -15,6 +15,7 @@ use format::Targets;
 use std::path::PathBuf;
 
 mod account;
+mod bake;
 mod balance;
 mod format;
 mod grids;
@@ -22,6 +23,7 @@ mod pass1;
 mod picture;
 
 pub use account::Clock;
+pub use bake::Baking;
 pub use balance::{Balance, BalanceJob, balance};
 pub use format::{Format, check_gather, usual_density};
 pub use pass1::Pass1;
@@ -46,6 +48,8 @@ pub struct Job {
     pub duality: Duality,
     /// How grids are written.
     pub vdb: VdbOptions,
+    /// Which light goes beside the density.
+    pub bake: Baking,
     /// How pictures are taken.
     pub picture: Picture,
     /// Stop before any photon is traced, and write nothing.
@@ -65,7 +69,8 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     let plan = Plan::for_scene(&layout.scene, job.density);
     clock.end("import");
     let mut report = opening(job, &layout, &plan);
-    let framed = if targets.any(Format::Exr) || targets.any(Format::Png) {
+    let picture = targets.any(Format::Exr) || targets.any(Format::Png);
+    let framed = if picture || targets.any(Format::Blend) || job.bake.light.is_some() {
         let framed = job.picture.view.frame(&layout.scene).map_err(|e| e.of_file(&job.input))?;
         report.notes.extend(framed.notes.iter().cloned());
         Some(framed)
@@ -86,20 +91,29 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     };
     report.optical_mass.written = written.iter().map(Region::optical_mass).sum();
 
+    let scene = lit(&layout.scene, &written, job.density);
     let mut staged = Staged::default();
     if targets.any(Format::Vdb) {
-        let voxels = grids::make(job, &layout.scene, &written, &mut report, &mut clock, progress)?;
+        let mut voxels = grids::make(job, &layout.scene, &written, &mut report, &mut clock, progress)?;
+        if let Some((bake, framed)) = job.bake.light.zip(framed.as_ref()) {
+            let source = bake::follow(job, bake, &scene, framed, progress)?;
+            bake::shine(bake, &source, &mut voxels, &mut report, progress)?;
+            clock.end("bake");
+        }
         progress.begin("vdb", 1);
         for target in targets.each(Format::Vdb) {
             staged.add(target, |path| voxels.write(path, job.vdb.half, &metadata(job, &layout, &report)))?;
+        }
+        for (target, framed) in targets.each(Format::Blend).zip(&framed) {
+            let vdb = targets.each(Format::Vdb).next().map_or(target.as_path(), |vdb| vdb);
+            staged.add(target, |path| blend::write(path, &blend::Setup { target, vdb, scene: &scene, framed, voxels: &voxels }))?;
         }
         clock.end("vdb");
     }
     for target in targets.each(Format::Glb) {
         staged.add(target, |path| glb::write(path, &layout.scene, &written))?;
     }
-    if let Some(framed) = framed {
-        let scene = lit(&layout.scene, &written, job.density);
+    if let Some(framed) = framed.filter(|_| picture) {
         let settings = job.picture.settings(&scene, &framed, job.photons, &job.duality);
         let (film, render) = match job.picture.error {
             Some(error) => take_to(error, &scene, &framed, &settings, progress)?,

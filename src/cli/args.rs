@@ -4,12 +4,13 @@ use super::doctor::DoctorArguments;
 use super::flux::FluxArguments;
 use super::scene::SceneArguments;
 use super::study::StudyArguments;
+use crate::bake::Bake;
 use crate::error::Error;
 use crate::export::vdb::{GridName, VdbOptions};
 use crate::integrate::photon::Gathering;
 use crate::integrate::{Directional, Integrator};
 use crate::photon::Model;
-use crate::pipeline::{Job, Picture, usual_density};
+use crate::pipeline::{Baking, Job, Picture, usual_density};
 use crate::plan::Density;
 use crate::regions::{Duality, Placement};
 use crate::voxelise::Up;
@@ -129,6 +130,10 @@ pub struct Run {
     /// The grids to write
     #[arg(long, value_enum, value_delimiter = ',', default_value = "density")]
     pub grids: Vec<GridArgument>,
+    /// Light that goes into the VDB beside the density, so that Blender shows all scattering at once: what goes toward the
+    /// camera (view), its mean over all directions (isotropic), or all directions by harmonics up to degree 1 or 2
+    #[arg(long, value_enum, default_value_t = BakeArgument::None)]
+    pub bake: BakeArgument,
     /// How light is followed in a picture [default: grid; path where regions have no end]
     #[arg(long, value_enum)]
     pub integrator: Option<IntegratorArgument>,
@@ -222,6 +227,7 @@ impl Run {
                 half: !self.float32,
                 grids,
             },
+            bake: Baking { light: self.bake.into(), most_bytes: None },
             picture: Picture {
                 integrator: self.integrator.map(Into::into),
                 spp,
@@ -309,6 +315,33 @@ argument!(/// `--grids`
     GridArgument for GridName { /// the medium of the run
         Density, /// the layout before the duality
         Source });
+
+/// `--bake`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum BakeArgument {
+    /// nothing
+    None,
+    /// what goes toward the camera
+    View,
+    /// one grid for any view: the mean over all directions
+    Isotropic,
+    /// any view: the sun's peaks, the rest by harmonics up to degree 1
+    Sh1,
+    /// the same up to degree 2
+    Sh2,
+}
+
+impl From<BakeArgument> for Option<Bake> {
+    fn from(argument: BakeArgument) -> Self {
+        match argument {
+            BakeArgument::None => None,
+            BakeArgument::View => Some(Bake::View),
+            BakeArgument::Isotropic => Some(Bake::Isotropic),
+            BakeArgument::Sh1 => Some(Bake::Sh1),
+            BakeArgument::Sh2 => Some(Bake::Sh2),
+        }
+    }
+}
 
 /// A whole number, with k, M, G or an exponent.
 pub(super) fn count(text: &str) -> Result<u64, String> {

@@ -1,5 +1,6 @@
 //! What goes out: VDB grids, pictures, glTF of regions, the report; all files at once or none.
 
+pub mod blend;
 pub mod exr;
 pub mod glb;
 mod lattice;

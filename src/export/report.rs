@@ -14,8 +14,10 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+mod bake;
 mod render;
 
+pub use bake::BakeReport;
 pub use render::Render;
 
 /// Everything a run says about itself.
@@ -47,6 +49,8 @@ pub struct Report {
     pub error: Option<Errors>,
     /// The grids; absent where none was written.
     pub vdb: Option<Grids>,
+    /// Light beside the density; absent where none was baked.
+    pub bake: Option<BakeReport>,
     /// The picture; absent where none was taken.
     pub render: Option<Render>,
     /// Seconds by stage.
@@ -299,6 +303,9 @@ impl Report {
                 through(e.sunlight_through_layout),
                 through(e.sunlight_through_regions)
             );
+        }
+        if let Some(bake) = &self.bake {
+            t += &bake.line();
         }
         if let Some(r) = &self.render {
             t += &r.line();

@@ -1,12 +1,14 @@
 //! The VDB that Blender opens: which grids, at which voxel size, with which metadata.
 
 use super::lattice::{Ready, merge, turn};
+use crate::bake::{Baked, LightGrid, Term};
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::scene::{Region, Scene};
+use crate::scene::{BrickGrid, Region, Scene};
 use crate::vdb::{Carried, GridOut, Meta, write_beside};
 pub use crate::vdb::{limit_threads, on_abort};
 use crate::voxelise::{Up, voxel_size, voxelise};
+use glam::DAffine3;
 use serde::Serialize;
 use std::path::Path;
 
@@ -59,10 +61,33 @@ pub struct GridSummary {
     pub max: f32,
 }
 
+/// What a grid of light says of itself.
+fn of_light(baked: &Baked, grid: &LightGrid) -> Vec<(String, Meta)> {
+    let part = &baked.parts[grid.part];
+    let text = |key: &str, value: String| (key.to_string(), Meta::Text(value));
+    let number = |key: &str, value: f64| (key.to_string(), Meta::Float(value));
+    let [r, g, b] = part.tint;
+    let (means, own) = match grid.term {
+        Term::Light => ("what goes toward the viewer".into(), None),
+        Term::Sunlight => ("sunlight that scatters once: times the phase function of mean cosine g".into(), Some(baked.mean_cosine)),
+        Term::Glow => ("a lobe about the sun's light: times the phase function of mean cosine g".into(), Some(baked.lobes[grid.part])),
+        Term::Harmonic(i) => (format!("the coefficient of real spherical harmonic {i}"), None),
+    };
+    let mut all = vec![
+        text("light", means),
+        text("unit", "light_scale W m^-2 sr^-1 per unit of optical depth".into()),
+        number("light_scale", part.scale),
+        text("light_tint", format!("{r} {g} {b}")),
+    ];
+    all.extend(own.map(|g| number("g", g)));
+    all
+}
+
 /// The grids of a file, ready to be written.
 #[derive(Debug, Clone)]
 pub struct Voxels {
     grids: Vec<(GridName, Ready)>,
+    light: Option<Baked>,
     others: Carried,
     up: Up,
     /// Extinction in 1/m of a sample of 1: Blender's Principled Volume Density.
@@ -93,7 +118,7 @@ impl Voxels {
         if kept.len() == options.grids.len() && !kept.is_empty() {
             let voxel_size = kept.iter().map(|(_, (_, edge))| *edge).fold(f64::INFINITY, f64::min);
             let grids = kept.into_iter().map(|(name, (ready, _))| (name, ready)).collect();
-            return Ok(Voxels { grids, others: Carried::default(), up: options.up, density_scale, voxel_size, coarsened: false });
+            return Ok(Voxels { grids, light: None, others: Carried::default(), up: options.up, density_scale, voxel_size, coarsened: false });
         }
         let (mut size, mut coarsened) = (0.0f64, false);
         for &name in &options.grids {
@@ -105,12 +130,33 @@ impl Voxels {
         }
         let voxels = |name| voxelise(of(name), size, density_scale, options.up, progress).map(|grid| (name, Ready::Own(grid)));
         let grids = options.grids.iter().map(|&name| voxels(name)).collect::<Result<_>>()?;
-        Ok(Voxels { grids, others: Carried::default(), up: options.up, density_scale, voxel_size: size, coarsened })
+        Ok(Voxels { grids, light: None, others: Carried::default(), up: options.up, density_scale, voxel_size: size, coarsened })
+    }
+
+    /// The samples of the medium of the run, where they are to be written.
+    pub fn density(&self) -> Option<&BrickGrid> {
+        self.grids.iter().find(|(name, _)| *name == GridName::Density).map(|(_, grid)| grid.bricks())
+    }
+
+    /// What turns the scene into the world of the grids; `None` where it stays.
+    pub fn turned(&self) -> Option<DAffine3> {
+        turn(self.up)
+    }
+
+    /// Puts light beside the density.
+    pub fn shine(&mut self, light: Baked) {
+        self.light = Some(light);
+    }
+
+    /// The light that was put there.
+    pub fn light(&self) -> Option<&Baked> {
+        self.light.as_ref()
     }
 
     /// Takes grids of the input along, those of other names than the written ones; a sentence for each that stays behind.
     pub fn take_along(&mut self, others: Carried) -> Vec<String> {
-        let names: Vec<&str> = self.grids.iter().map(|(name, _)| name.as_str()).collect();
+        let light = self.light.iter().flat_map(|light| &light.grids).map(|grid| grid.name.as_str());
+        let names: Vec<&str> = self.grids.iter().map(|(name, _)| name.as_str()).chain(light).collect();
         let (others, notes) = others.beside(&names, turn(self.up));
         self.others = others;
         notes
@@ -125,8 +171,10 @@ impl Voxels {
             ("density_scale".to_string(), Meta::Float(self.density_scale)),
             ("unit".to_string(), Meta::Text("density_scale per metre".into())),
         ];
-        let grids: Vec<GridOut> =
+        let mut grids: Vec<GridOut> =
             self.grids.iter().map(|(name, grid)| GridOut { name: name.as_str(), bricks: grid.bricks(), half, metadata: &scale }).collect();
+        let light: Vec<_> = self.light.iter().flat_map(|baked| baked.grids.iter().map(|grid| (grid, of_light(baked, grid)))).collect();
+        grids.extend(light.iter().map(|(grid, metadata)| GridOut { name: &grid.name, bricks: &grid.bricks, half, metadata }));
         write_beside(path, &grids, &self.others, metadata)
     }
 

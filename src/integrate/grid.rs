@@ -13,6 +13,7 @@ mod deposit;
 mod field;
 mod fit;
 mod frame;
+mod source;
 mod space;
 mod sums;
 
@@ -34,6 +35,7 @@ use crate::scene::{Camera, Scene, Sun, medium::luminance};
 use basis::Basis;
 use field::{Field, Groups, Request};
 use glam::{DVec3, Vec3};
+pub use source::{Kept, Light, Part, SourceFunction, SourceSettings};
 use std::borrow::Cow;
 
 /// The chance of a collision in a slice of the march; and of those off surfaces.
@@ -54,6 +56,8 @@ const LEAST_VOXELS: u64 = 30_000;
 const COARSER: f64 = 2.0;
 const FEWER: u64 = 4;
 const FIRST: u64 = 1 << 40;
+/// All directions.
+const ALL: Basis = Basis::Around { degree: 2, axis: None };
 
 /// The scene, compiled for one camera.
 #[derive(Debug)]
@@ -121,9 +125,9 @@ impl GridTracer {
                 };
                 if settings.photon.directional == Directional::View {
                     view = Some(field(Basis::view(&part, lens.position()), &|brick| sees(&lens, media, brick), 0, 1.0, 1));
-                    around = (!tracer.surfaces.is_empty()).then(|| field(Basis::Around, &|_| true, FIRST, COARSER, FEWER));
+                    around = (!tracer.surfaces.is_empty()).then(|| field(ALL, &|_| true, FIRST, COARSER, FEWER));
                 } else {
-                    view = Some(field(Basis::Around, &|_| true, 0, 1.0, 1));
+                    view = Some(field(ALL, &|_| true, 0, 1.0, 1));
                 }
             }
             Channel { tracer, photons, view, around, mask, tint }

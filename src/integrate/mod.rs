@@ -19,6 +19,7 @@ use crate::rng::{Rng, Stage};
 use crate::scene::{Camera, Scene};
 use glam::DVec3;
 use grid::GridTracer;
+pub use grid::{Kept, Light, Part, SourceFunction, SourceSettings};
 use lens::Lens;
 use path::PathTracer;
 use photon::{Lighting, PhotonSettings, PhotonTracer};

@@ -129,16 +129,33 @@ impl Media {
     /// Extinction at a point, 1/m: of all regions there.
     pub fn extinction(&self, p: Vec3) -> f64 {
         let mut sum = 0.0;
+        self.regions_at(p, |_, sigma_t| sum += sigma_t);
+        sum
+    }
+
+    /// Visits the regions at a point, with the extinction of each there, 1/m.
+    pub fn regions_at(&self, p: Vec3, mut visit: impl FnMut(u32, f64)) {
         let query = Box3 { min: p, max: p };
         self.balls.near(&query, |centre, radius, region| {
-            sum += if centre.distance_squared(p) <= radius * radius { self.optics(region).sigma_t } else { 0.0 };
+            if centre.distance_squared(p) <= radius * radius {
+                visit(region, self.optics(region).sigma_t);
+            }
         });
-        let mut one = |region: u32| sum += if self.solids[region as usize].holds(p) { self.optics(region).sigma_t } else { 0.0 };
+        let mut one = |region: u32| {
+            if self.solids[region as usize].holds(p) {
+                visit(region, self.optics(region).sigma_t);
+            }
+        };
         self.unbounded.iter().for_each(|&region| one(region));
         self.others.overlapping(&query, |region| {
             one(region);
             false
         });
-        sum + self.grids.iter().map(|grid| self.optics(grid.region).sigma_t * f64::from(grid.density(p))).sum::<f64>()
+        for grid in &self.grids {
+            let density = grid.density(p);
+            if density > 0.0 {
+                visit(grid.region, self.optics(grid.region).sigma_t * f64::from(density));
+            }
+        }
     }
 }

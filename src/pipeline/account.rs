@@ -36,6 +36,7 @@ pub(super) fn opening(job: &Job, layout: &Layout, plan: &Plan) -> Report {
         energy: None,
         error: None,
         vdb: None,
+        bake: None,
         render: None,
         stages: Vec::new(),
         seconds: 0.0,

@@ -2,14 +2,17 @@
 
 use super::Job;
 use super::picture::gridless;
+use crate::bake::Bake;
 use crate::error::{Error, Result};
 use crate::export::staged::Staged;
+use crate::export::vdb::GridName;
 use crate::import::{self, Layout};
 use crate::integrate::Integrator;
 use crate::integrate::photon::Gathering;
 use crate::photon::Model;
 use crate::plan::Density;
 use crate::scene::{Region, Scene, Shape};
+use crate::voxelise::Up;
 use std::path::{Path, PathBuf};
 
 /// What a file is, by its extension.
@@ -25,6 +28,8 @@ pub enum Format {
     Exr,
     /// A picture to look at.
     Png,
+    /// A script that sets a scene up in Blender.
+    Blend,
 }
 
 impl Format {
@@ -33,6 +38,9 @@ impl Format {
     /// # Errors
     /// [`Error::Usage`] that lists what can be written.
     pub fn of(path: &Path) -> Result<Format> {
+        if path.file_name().is_some_and(|name| name.to_string_lossy().to_lowercase().ends_with(".blend.py")) {
+            return Ok(Format::Blend);
+        }
         match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
             Some("vdb") => Ok(Format::Vdb),
             Some("json") => Ok(Format::Json),
@@ -40,7 +48,7 @@ impl Format {
             Some("exr") => Ok(Format::Exr),
             Some("png") => Ok(Format::Png),
             _ => Err(Error::Usage(format!(
-                "-o {}: the extension says what is written, and must be .vdb (grids), .exr or .png (a picture), .json (the report) or .glb (the regions as spheres)",
+                "-o {}: the extension says what is written, and must be .vdb (grids), .blend.py (a script that sets them up in Blender), .exr or .png (a picture), .json (the report) or .glb (the regions as spheres)",
                 path.display()
             ))),
         }
@@ -80,6 +88,7 @@ impl<'a> Targets<'a> {
         if let Some(name) = layout.scene.voxel_grid() {
             self.check_grids(&format!("{}: region {name:?}", job.input.display()))?;
         }
+        self.check_light(job, layout)?;
         let picture = self.any(Format::Exr) || self.any(Format::Png);
         match job.picture.integrator.filter(|_| picture) {
             Some(Integrator::Photon) => check_photons(job, &layout.scene),
@@ -88,6 +97,37 @@ impl<'a> Targets<'a> {
                 None => Ok(()),
             },
             Some(Integrator::Path) | None => Ok(()),
+        }
+    }
+
+    /// Refuses a bake or a script that would have nothing to be of.
+    fn check_light(&self, job: &Job, layout: &Layout) -> Result<()> {
+        let usage = |text: String| Err(Error::Usage(text));
+        if let Some(script) = self.each(Format::Blend).next() {
+            let who = script.display();
+            if self.each(Format::Vdb).count() != 1 {
+                return usage(format!("-o {who}: the script sets a .vdb up in Blender: name one beside it, -o cloud.vdb"));
+            }
+            if job.vdb.up != Up::Z {
+                return usage(format!("-o {who}: Blender's z is up: leave out --up y"));
+            }
+            if !job.vdb.grids.contains(&GridName::Density) {
+                return usage(format!("-o {who}: the cloud is the grid \"density\": add it to --grids"));
+            }
+        }
+        let Some(bake) = job.bake.light else { return Ok(()) };
+        if !self.any(Format::Vdb) {
+            return usage("--bake puts light beside the density of a VDB: add -o cloud.vdb".into());
+        }
+        if !job.vdb.grids.contains(&GridName::Density) {
+            return usage("--bake puts light beside the grid \"density\": add it to --grids".into());
+        }
+        if matches!(bake, Bake::Sh1 | Bake::Sh2) && job.vdb.up != Up::Z {
+            return usage("--bake sh1 and sh2 are of directions in Blender's axes: leave out --up y, or use --bake view or isotropic".into());
+        }
+        match gridless(layout.scene.regions.iter().filter(|r| stays(r, job.density)), job.duality.model) {
+            Some(reason) => usage(format!("{}: {reason}, which also bakes: leave out --bake", job.input.display())),
+            None => Ok(()),
         }
     }
 

@@ -8,6 +8,8 @@ use glam::Vec3;
 
 /// Real spherical harmonics of degrees 0 to 2.
 pub(super) const HARMONICS: usize = 9;
+/// The degree of each.
+pub(super) const DEGREE: [usize; HARMONICS] = [0, 1, 1, 1, 2, 2, 2, 2, 2];
 
 /// The directions that light is gathered for.
 #[derive(Debug)]
@@ -19,9 +21,13 @@ pub(super) enum Basis {
         cosines: Vec<f64>,
         lobes: Vec<Lobe>,
     },
-    /// Any: radiance by harmonics of its direction of travel. A phase function of mean cosine g scatters degree l by g^l.
-    Around,
+    /// Any: radiance by harmonics of its direction of travel, of all degrees up to one of 0 to 2. A phase function of mean cosine g
+    /// scatters degree l by g^l. With an axis, the Legendre moments of the next two degrees about it too: how far light is peaked there.
+    Around { degree: usize, axis: Option<Vec3> },
 }
+
+/// Moments about an axis that [`Basis::Around`] keeps after its harmonics.
+pub(super) const MOMENTS: usize = 2;
 
 impl Basis {
     /// For a camera at `eye`.
@@ -37,7 +43,7 @@ impl Basis {
     pub fn len(&self) -> usize {
         match self {
             Basis::View { lobes, .. } => lobes.len(),
-            Basis::Around => HARMONICS,
+            Basis::Around { degree, axis } => (degree + 1).pow(2) + if axis.is_some() { MOMENTS } else { 0 },
         }
     }
 
@@ -45,7 +51,7 @@ impl Basis {
     pub fn peak(&self) -> f64 {
         match self {
             Basis::View { lobes, .. } => lobes.iter().map(|lobe| f64::from(lobe.peak())).fold(0.0, f64::max),
-            Basis::Around => 1.1,
+            Basis::Around { .. } => 1.1,
         }
     }
 
@@ -59,7 +65,21 @@ impl Basis {
                     visit(number, lobe.toward(outward).value(direction));
                 }
             }
-            Basis::Around => harmonics(direction).into_iter().enumerate().for_each(|(number, y)| visit(number, y)),
+            Basis::Around { degree, axis } => {
+                let count = (degree + 1).pow(2);
+                harmonics(direction).into_iter().take(count).enumerate().for_each(|(number, y)| visit(number, y));
+                if let Some(axis) = axis {
+                    let c = direction.dot(*axis);
+                    let (mut before, mut here) = (1.0, c);
+                    for l in 1..degree + MOMENTS {
+                        let l = l as f32;
+                        (before, here) = (here, ((2.0 * l + 1.0) * c * here - l * before) / (l + 1.0));
+                        if l as usize >= *degree {
+                            visit(count + l as usize - degree, here);
+                        }
+                    }
+                }
+            }
         }
     }
 
@@ -68,10 +88,10 @@ impl Basis {
     pub fn shares(&self, g: f64, outward: Vec3, mut visit: impl FnMut(usize, f32)) {
         match self {
             Basis::View { cosines, .. } => visit(cosines.iter().position(|&c| c == g).unwrap_or(0), 1.0),
-            Basis::Around => {
+            Basis::Around { degree, .. } => {
                 let g = g as f32;
-                for (number, y) in harmonics(outward).into_iter().enumerate() {
-                    visit(number, y * [1.0, g, g * g][[0, 1, 1, 1, 2, 2, 2, 2, 2][number]]);
+                for (number, y) in harmonics(outward).into_iter().take((degree + 1).pow(2)).enumerate() {
+                    visit(number, y * [1.0, g, g * g][DEGREE[number]]);
                 }
             }
         }
@@ -99,7 +119,7 @@ impl Basis {
 
 /// The real spherical harmonics of degrees 0 to 2, orthonormal, in a direction of unit length.
 #[inline]
-fn harmonics(d: Vec3) -> [f32; HARMONICS] {
+pub(super) fn harmonics(d: Vec3) -> [f32; HARMONICS] {
     // sqrt(1 / 4 pi), sqrt(3 / 4 pi), sqrt(15 / 4 pi), sqrt(5 / 16 pi), sqrt(15 / 16 pi)
     const C: [f32; 5] = [0.282_094_8, 0.488_602_5, 1.092_548_4, 0.315_391_57, 0.546_274_2];
     [

@@ -160,6 +160,41 @@ impl Field {
         }
     }
 
+    /// Adds the light at `p`, per unit of optical depth and of albedo, to each number of the basis; `false` where there is none near.
+    pub(super) fn numbers(&self, p: Vec3, into: &mut [f32]) -> bool {
+        let (numbers, mut whole) = (self.basis.len(), 0.0f32);
+        self.space.frame.around(p, |voxel, weight| whole += if self.lit[voxel] { weight } else { 0.0 });
+        if whole <= 0.0 {
+            return false;
+        }
+        self.space.frame.around(p, |voxel, weight| {
+            if self.lit[voxel] {
+                let light = &self.light[voxel * numbers..][..numbers];
+                into.iter_mut().zip(light).for_each(|(sum, groups)| *sum += weight / whole * groups.iter().sum::<f32>());
+            }
+        });
+        true
+    }
+
+    /// What scattering with mean cosine `g` at `p` sends into `outward`, times `share`.
+    pub(super) fn toward(&self, p: Vec3, outward: Vec3, g: f64, share: f32) -> f32 {
+        let (mut sum, mut doubt) = (Groups::default(), 0.0);
+        self.scattered(p, outward, g, share, (&mut sum, &mut doubt));
+        sum.iter().sum()
+    }
+
+    /// The mean cosine of a Henyey-Greenstein lobe about the axis of the basis whose moments are in the ratio that those beyond the
+    /// harmonics have over all light, scattered once more with mean cosine `g`; `None` without an axis, or without a peak.
+    pub(super) fn lobe(&self, g: f64) -> Option<f64> {
+        let Basis::Around { degree, axis: Some(_) } = self.basis else { return None };
+        let sum = |number: usize| {
+            let each = self.light.iter().skip(number).step_by(self.basis.len()).zip(&self.lit);
+            each.filter(|(_, lit)| **lit).flat_map(|(groups, _)| groups).map(|&l| f64::from(l)).sum::<f64>()
+        };
+        let (one, next) = (sum((degree + 1).pow(2)), sum((degree + 1).pow(2) + 1));
+        (one > 0.0 && next > 0.0).then(|| g * next / one)
+    }
+
     /// Voxels.
     pub(super) fn voxels(&self) -> u64 {
         self.space.frame.voxels() as u64

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The material of a cloud whose light is in its grids. Used by the add-on, and part of every `.blend.py` that cloudvdb writes."""
+import math
+
+import bpy
+
+#: Real orthonormal spherical harmonics of degrees 0 to 2, in cloudvdb's order: a factor, and the powers of x, y, z that are summed.
+HARMONICS = (
+    (math.sqrt(1 / (4 * math.pi)), {(0, 0, 0): 1}),
+    (math.sqrt(3 / (4 * math.pi)), {(0, 1, 0): 1}),
+    (math.sqrt(3 / (4 * math.pi)), {(0, 0, 1): 1}),
+    (math.sqrt(3 / (4 * math.pi)), {(1, 0, 0): 1}),
+    (math.sqrt(15 / (4 * math.pi)), {(1, 1, 0): 1}),
+    (math.sqrt(15 / (4 * math.pi)), {(0, 1, 1): 1}),
+    (math.sqrt(5 / (16 * math.pi)), {(0, 0, 2): 3, (0, 0, 0): -1}),
+    (math.sqrt(15 / (4 * math.pi)), {(1, 0, 1): 1}),
+    (math.sqrt(15 / (16 * math.pi)), {(2, 0, 0): 1, (0, 2, 0): -1}),
+)
+#: The names of the lights, as the group of the baked light shows them.
+LIGHTS = {"all": "Light", "sun": "Sun", "sky": "Sky", "red": "Light", "green": "Light", "blue": "Light"}
+
+
+class Tree:
+    """A node tree, written as arithmetic: numbers, and sockets of nodes made before."""
+
+    def __init__(self, tree):
+        self.tree, self.column = tree, 0
+
+    def node(self, kind, **settings):
+        """A new node, beside the last one."""
+        node = self.tree.nodes.new(kind)
+        for name, value in settings.items():
+            setattr(node, name, value)
+        node.location = (200 * (self.column // 6), -200 * (self.column % 6))
+        self.column += 1
+        return node
+
+    def put(self, value, socket):
+        """Links a socket, or sets it to a number or a vector."""
+        if isinstance(value, bpy.types.NodeSocket):
+            self.tree.links.new(value, socket)
+        else:
+            socket.default_value = value
+
+    def grid(self, name):
+        """The samples of a grid."""
+        return self.node("ShaderNodeAttribute", attribute_name=name, label=name).outputs[2]
+
+    def math(self, operation, *values):
+        """A number."""
+        node = self.node("ShaderNodeMath", operation=operation)
+        for value, socket in zip(values, node.inputs):
+            self.put(value, socket)
+        return node.outputs[0]
+
+    def vector(self, operation, *values, scale=None):
+        """A vector, or of a dot product a number."""
+        node = self.node("ShaderNodeVectorMath", operation=operation)
+        for value, socket in zip(values, node.inputs):
+            self.put(value, socket)
+        if scale is not None:
+            self.put(scale, node.inputs["Scale"])
+        return node.outputs["Value" if operation == "DOT_PRODUCT" else "Vector"]
+
+    def total(self, terms):
+        """The sum of numbers."""
+        whole = terms[0]
+        for term in terms[1:]:
+            whole = self.math("ADD", whole, term)
+        return whole
+
+
+def material(name, cloud):
+    """A new material for a cloud: a dict with `density` (1/m for a sample of 1), `albedo` (RGB), `anisotropy`, `sun` and `bake`.
+
+    Where light is baked it absorbs and emits what the grids say, toward whoever the bake is for; its node "Live" set to 1 makes of it
+    the Principled Volume that scatters by itself. Without a bake it is that alone."""
+    made = bpy.data.materials.new(name)
+    made.use_nodes = True
+    tree = Tree(made.node_tree)
+    made.node_tree.nodes.clear()
+    out = tree.node("ShaderNodeOutputMaterial")
+    density = tree.node("ShaderNodeValue", name="Density", label="Density (1/m)")
+    density.outputs[0].default_value = cloud["density"]
+    live = tree.node("ShaderNodeVolumePrincipled", name="Live Volume")
+    live.inputs["Density Attribute"].default_value = "density"
+    live.inputs["Color"].default_value = (*cloud["albedo"], 1.0)
+    live.inputs["Anisotropy"].default_value = cloud["anisotropy"]
+    tree.put(density.outputs[0], live.inputs["Density"])
+    if not cloud["bake"]:
+        tree.put(live.outputs[0], out.inputs["Volume"])
+        return made
+    switch = tree.node("ShaderNodeValue", name="Live", label="Live: 0 baked light, 1 scattering")
+    switch.outputs[0].default_value = 0.0
+    light = tree.node("ShaderNodeGroup", name="Baked Light", label="Baked Light")
+    light.node_tree = group(name, cloud)
+    for socket in light.inputs:
+        socket.default_value = 1.0
+    extinction = tree.math("MULTIPLY", tree.grid("density"), density.outputs[0])
+    absorption = tree.node("ShaderNodeVolumeAbsorption")
+    absorption.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+    tree.put(extinction, absorption.inputs["Density"])
+    emission = tree.node("ShaderNodeEmission")
+    tree.put(light.outputs[0], emission.inputs["Color"])
+    strength = extinction
+    if cloud["bake"]["bake"] == "view":
+        # What goes toward the camera is nobody else's light.
+        strength = tree.math("MULTIPLY", extinction, tree.node("ShaderNodeLightPath").outputs["Is Camera Ray"])
+    tree.put(strength, emission.inputs["Strength"])
+    both, mix = tree.node("ShaderNodeAddShader"), tree.node("ShaderNodeMixShader")
+    tree.put(absorption.outputs[0], both.inputs[0])
+    tree.put(emission.outputs[0], both.inputs[1])
+    tree.put(switch.outputs[0], mix.inputs[0])
+    tree.put(both.outputs[0], mix.inputs[1])
+    tree.put(live.outputs[0], mix.inputs[2])
+    tree.put(mix.outputs[0], out.inputs["Volume"])
+    return made
+
+
+def group(name, cloud):
+    """The node group of the baked light: radiance that the medium sends toward the viewer, per unit of optical depth (W m^-2 sr^-1,
+    RGB). Its inputs are factors of the lights."""
+    bake, nodes = cloud["bake"], bpy.data.node_groups.new(f"{name} light", "ShaderNodeTree")
+    tree = Tree(nodes)
+    names = list(dict.fromkeys(LIGHTS[part["light"]] for part in bake["parts"]))
+    for light in names:
+        _socket(nodes, light, "INPUT", "NodeSocketFloat")
+    _socket(nodes, "Light", "OUTPUT", "NodeSocketColor")
+    factors, out = tree.node("NodeGroupInput"), tree.node("NodeGroupOutput")
+    viewer = _viewer(tree) if any("light" not in part["grids"] for part in bake["parts"]) else None
+    whole = None
+    for part in bake["parts"]:
+        number = _toward(tree, part, viewer, bake["g"], cloud["sun"]["direction"])
+        number = tree.math("MULTIPLY", number, part["scale"])
+        number = tree.math("MULTIPLY", number, factors.outputs[names.index(LIGHTS[part["light"]])])
+        colour = tree.vector("SCALE", tuple(part["tint"]), scale=number)
+        whole = colour if whole is None else tree.vector("ADD", whole, colour)
+    tree.put(whole if whole is not None else (0.0, 0.0, 0.0, 1.0), out.inputs[0])
+    return nodes
+
+
+def _toward(tree, part, viewer, g, sunlight):
+    """What a light's grids send toward the viewer, in units of its scale."""
+    grids, terms = part["grids"], []
+    for key, name in grids.items():
+        samples = tree.grid(name)
+        if key == "light":
+            terms.append(samples)
+        elif key in ("sunlight", "glow"):
+            cosine = tree.vector("DOT_PRODUCT", viewer, tuple(sunlight))
+            terms.append(tree.math("MULTIPLY", samples, _phase(tree, cosine, g if key == "sunlight" else part["glow"])))
+        else:
+            terms.append(tree.math("MULTIPLY", samples, _harmonic(tree, viewer, int(key))))
+    if not terms:
+        return 0.0
+    # Few harmonics may fall below zero where light is peaked.
+    return tree.math("MAXIMUM", tree.total(terms), 0.0)
+
+
+def _viewer(tree):
+    """The direction toward the viewer, in the axes of the object."""
+    turn = tree.node("ShaderNodeVectorTransform", vector_type="VECTOR", convert_from="WORLD", convert_to="OBJECT")
+    tree.put(tree.node("ShaderNodeNewGeometry").outputs["Incoming"], turn.inputs[0])
+    return tree.vector("NORMALIZE", turn.outputs[0])
+
+
+def _phase(tree, cosine, g):
+    """The Henyey-Greenstein function, 1/sr."""
+    base = tree.math("MULTIPLY_ADD", cosine, -2.0 * g, 1.0 + g * g)
+    return tree.math("DIVIDE", (1.0 - g * g) / (4.0 * math.pi), tree.math("POWER", base, 1.5))
+
+
+def _harmonic(tree, direction, number):
+    factor, powers = HARMONICS[number]
+    if number == 0:
+        return factor
+    split = tree.node("ShaderNodeSeparateXYZ")
+    tree.put(direction, split.inputs[0])
+    terms = []
+    for exponents, weight in powers.items():
+        factors = [split.outputs[axis] for axis in range(3) for _ in range(exponents[axis])]
+        term = weight * factor
+        for one in factors:
+            term = tree.math("MULTIPLY", one, term)
+        terms.append(term)
+    return tree.total(terms)
+
+
+def _socket(nodes, name, side, kind):
+    """A socket of a node group."""
+    if hasattr(nodes, "interface"):
+        nodes.interface.new_socket(name, in_out=side, socket_type=kind)
+    else:
+        (nodes.inputs if side == "INPUT" else nodes.outputs).new(kind, name)

@@ -1,0 +1,115 @@
+//! A script that sets a cloud up in Blender: the volume with its material, the sun, the sky, the camera, the surfaces.
+//!
+//! It is data, as JSON, before two pieces of Python: the materials, which the add-on uses too, and the rest of the scene.
+
+use super::staged::write_bytes;
+use super::vdb::Voxels;
+use crate::bake::{Baked, Term};
+use crate::error::Result;
+use crate::scene::{Framed, Region, Scene};
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+
+const MATERIALS: &str = include_str!("../../blender_addon/baked.py");
+const STAGE: &str = include_str!("blend/stage.py");
+
+/// What is set up.
+pub struct Setup<'a> {
+    /// The script's own path, and that of the VDB.
+    pub target: &'a Path,
+    /// The grids' file.
+    pub vdb: &'a Path,
+    /// The scene with the run's regions.
+    pub scene: &'a Scene,
+    /// The camera and the size of its picture.
+    pub framed: &'a Framed,
+    /// The grids.
+    pub voxels: &'a Voxels,
+}
+
+/// Writes the script.
+///
+/// # Errors
+/// [`crate::Error::Write`].
+pub fn write(path: &Path, setup: &Setup) -> Result<()> {
+    let lines: Vec<String> = setup.data().as_object().into_iter().flatten().map(|(key, value)| format!("  {key:?}: {value}")).collect();
+    let data = lines.join(",\n");
+    let text = format!(
+        "# Sets a cloud of cloudvdb up in Blender (3.4 and newer):  blender --python {}\n# Or open it in the Text Editor, and press Run. The VDB belongs beside it.\n# SPDX-License-Identifier: MIT OR Apache-2.0\nCLOUD = r\"\"\"{{\n{data}\n}}\"\"\"\n\n{MATERIALS}\n\n{STAGE}",
+        setup.target.file_name().map(|n| n.to_string_lossy()).unwrap_or_default(),
+    );
+    write_bytes(path, text.as_bytes())
+}
+
+impl Setup<'_> {
+    fn data(&self) -> Value {
+        let Setup { scene, framed, voxels, .. } = self;
+        let sun = scene.sun;
+        let camera = &framed.camera;
+        let rows: Vec<Vec<f64>> = (0..3)
+            .map(|row| {
+                let m = camera.world_from_camera;
+                vec![m.matrix3.row(row).x, m.matrix3.row(row).y, m.matrix3.row(row).z, m.translation[row]]
+            })
+            .collect();
+        let (albedo, g) = means(&scene.regions);
+        let bounds = scene.region_bounds();
+        let surface = |s: &crate::scene::Surface| {
+            let vertices: Vec<[f64; 3]> = s.mesh.vertices.iter().map(|v| v.to_array()).collect();
+            json!({"name": s.name, "albedo": s.albedo, "vertices": vertices, "triangles": s.mesh.triangles})
+        };
+        json!({
+            "vdb": beside(self.target, self.vdb),
+            "name": self.vdb.file_stem().map(|n| n.to_string_lossy()).unwrap_or_default(),
+            "voxel_size": voxels.voxel_size,
+            "density": voxels.density_scale,
+            "albedo": albedo,
+            "anisotropy": g,
+            "bounds": [bounds.min.to_array(), bounds.max.to_array()],
+            "bake": voxels.light().map(light),
+            "sun": {"direction": sun.direction.to_array(), "irradiance": sun.irradiance, "angle": sun.angular_diameter},
+            "sky": scene.sky,
+            "camera": {"matrix": rows, "yfov": camera.yfov, "near": camera.znear, "far": camera.zfar, "width": framed.width, "height": framed.height},
+            "surfaces": scene.surfaces.iter().map(surface).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// What the material has to know of baked light: of each light its colour and scale, and its grids by what they hold.
+fn light(baked: &Baked) -> Value {
+    let part = |(number, part): (usize, &crate::integrate::Part)| {
+        let mut grids = Map::new();
+        for grid in baked.grids.iter().filter(|grid| grid.part == number) {
+            let key = match grid.term {
+                Term::Light => "light".to_string(),
+                Term::Sunlight => "sunlight".to_string(),
+                Term::Glow => "glow".to_string(),
+                Term::Harmonic(i) => i.to_string(),
+            };
+            grids.insert(key, grid.name.clone().into());
+        }
+        json!({"light": part.light, "scale": part.scale, "tint": part.tint, "glow": baked.lobes[number], "grids": grids})
+    };
+    json!({"bake": baked.bake, "g": baked.mean_cosine, "parts": baked.parts.iter().enumerate().map(part).collect::<Vec<_>>()})
+}
+
+/// The mean albedo, linear RGB, and the mean cosine, by optical mass.
+fn means(regions: &[Region]) -> ([f64; 3], f64) {
+    let whole: f64 = regions.iter().map(Region::optical_mass).sum::<f64>().max(f64::MIN_POSITIVE);
+    let mean = |of: &dyn Fn(&Region) -> f64| regions.iter().map(|r| of(r) * r.optical_mass()).sum::<f64>() / whole;
+    (std::array::from_fn(|c| mean(&|r| r.medium.albedo_rgb()[c])), mean(&|r| r.medium.g))
+}
+
+/// The path of the VDB from the script's folder; its own where there is none.
+fn beside(script: &Path, vdb: &Path) -> PathBuf {
+    let folder = |path: &Path| {
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        folder.canonicalize().unwrap_or(folder.into())
+    };
+    let (from, to) = (folder(script), folder(vdb));
+    let name = vdb.file_name().map(PathBuf::from).unwrap_or_default();
+    match to.strip_prefix(&from) {
+        Ok(way) => way.join(name),
+        Err(_) => to.join(name),
+    }
+}
