@@ -23,7 +23,10 @@ use glam::DAffine3;
 use serde::Serialize;
 use std::f64::consts::PI;
 
+mod judge;
 mod voxels;
+
+pub use judge::{BakeError, judge};
 
 /// What of the light's directions is baked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -100,7 +103,13 @@ impl Baked {
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
-    pub fn new(bake: Bake, source: &SourceFunction, density: &BrickGrid, turned: Option<DAffine3>, progress: &dyn Progress) -> Result<Self> {
+    pub fn new(
+        bake: Bake,
+        source: &SourceFunction,
+        density: &BrickGrid,
+        turned: Option<DAffine3>,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let parts: Vec<Part> = source.parts().copied().collect();
         let mut grids = Vec::new();
         progress.begin("bake", (density.origins.len() * parts.len()) as u64);

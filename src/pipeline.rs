@@ -94,11 +94,21 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     let scene = lit(&layout.scene, &written, job.density);
     let mut staged = Staged::default();
     if targets.any(Format::Vdb) {
-        let mut voxels = grids::make(job, &layout.scene, &written, &mut report, &mut clock, progress)?;
-        if let Some((bake, framed)) = job.bake.light.zip(framed.as_ref()) {
-            let source = bake::follow(job, bake, &scene, framed, progress)?;
-            bake::shine(bake, &source, &mut voxels, &mut report, progress)?;
-            clock.end("bake");
+        let source = match job.bake.light.zip(framed.as_ref()) {
+            Some((bake, framed)) => Some((bake, bake::follow(job, bake, &scene, framed, progress)?)),
+            None => None,
+        };
+        if source.is_some() {
+            clock.end("light");
+        }
+        let light = source.as_ref().map(|(bake, source)| (*bake, source));
+        let voxels = grids::make(job, &layout.scene, &written, light, &mut report, progress)?;
+        clock.end("voxels");
+        if let Some(framed) = &framed {
+            bake::check(job, &voxels, &scene, framed, &mut report, progress)?;
+        }
+        if source.is_some() {
+            clock.end("check");
         }
         progress.begin("vdb", 1);
         for target in targets.each(Format::Vdb) {

@@ -122,8 +122,7 @@ fn grow(density: &BrickGrid, inside: &[Vec<f32>], count: usize, origin: [i32; 3]
         let numbers = &known[(brick[0] * 9 + brick[1] * 3 + brick[2]) as usize]?[first..first + count];
         (!numbers[0].is_nan()).then_some(numbers)
     };
-    let table: Vec<Option<&[f32]>> =
-        (0..side.pow(3)).map(|i| numbers([i / side / side - 1, i / side % side - 1, i % side - 1])).collect();
+    let table: Vec<Option<&[f32]>> = (0..side.pow(3)).map(|i| numbers([i / side / side - 1, i / side % side - 1, i % side - 1])).collect();
     let mut out = vec![0.0; BRICK_VOXELS * count];
     for (v, out) in out.chunks_exact_mut(count).enumerate() {
         let at = ((v as i32 >> 6) * side + (v as i32 >> 3 & 7)) * side + (v as i32 & 7);

@@ -1,7 +1,8 @@
 //! `cloudvdb flux`: where the light goes.
 
-use super::args::{DensityArgument, Manners, ProgressStyle, count};
+use super::args::{DensityArgument, Manners, ProgressStyle};
 use super::scene::SceneArguments;
+use super::values::count;
 use super::{event, print, say, watched};
 use crate::error::Error;
 use crate::pipeline::{BalanceJob, balance};

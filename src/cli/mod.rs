@@ -7,6 +7,7 @@ mod progress;
 mod scene;
 mod signals;
 mod study;
+mod values;
 
 use crate::error::Error;
 use crate::export::report::plan_table;

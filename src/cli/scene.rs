@@ -1,6 +1,6 @@
 //! The flags that say what a file does not, or override what it says: media, sun, sky, camera.
 
-use super::args::{count, length};
+use super::values::{count, length};
 use crate::import::{ImportOptions, MAX_VOXELS};
 use crate::scene::view::LONGEST;
 use crate::scene::{Overrides, View};

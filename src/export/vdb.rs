@@ -2,7 +2,7 @@
 
 use super::lattice::{Ready, merge, turn};
 use crate::bake::{Baked, LightGrid, Term};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::scene::{BrickGrid, Region, Scene};
 use crate::vdb::{Carried, GridOut, Meta, write_beside};
@@ -118,7 +118,15 @@ impl Voxels {
         if kept.len() == options.grids.len() && !kept.is_empty() {
             let voxel_size = kept.iter().map(|(_, (_, edge))| *edge).fold(f64::INFINITY, f64::min);
             let grids = kept.into_iter().map(|(name, (ready, _))| (name, ready)).collect();
-            return Ok(Voxels { grids, light: None, others: Carried::default(), up: options.up, density_scale, voxel_size, coarsened: false });
+            return Ok(Voxels {
+                grids,
+                light: None,
+                others: Carried::default(),
+                up: options.up,
+                density_scale,
+                voxel_size,
+                coarsened: false,
+            });
         }
         let (mut size, mut coarsened) = (0.0f64, false);
         for &name in &options.grids {
@@ -176,6 +184,21 @@ impl Voxels {
         let light: Vec<_> = self.light.iter().flat_map(|baked| baked.grids.iter().map(|grid| (grid, of_light(baked, grid)))).collect();
         grids.extend(light.iter().map(|(grid, metadata)| GridOut { name: &grid.name, bricks: &grid.bricks, half, metadata }));
         write_beside(path, &grids, &self.others, metadata)
+    }
+
+    /// How large the file is, without the file's own metadata.
+    ///
+    /// # Errors
+    /// As [`Voxels::write`].
+    pub fn bytes(&self, half: bool) -> Result<u64> {
+        let wrong = |error: std::io::Error| Error::Write {
+            target: std::env::temp_dir(),
+            reason: format!("cannot be written ({error})"),
+            fix: "Free some space there, or set TMPDIR".into(),
+        };
+        let file = tempfile::Builder::new().suffix(".vdb").tempfile().map_err(wrong)?;
+        self.write(file.path(), half, &[])?;
+        Ok(std::fs::metadata(file.path()).map_err(wrong)?.len())
     }
 
     /// What the grids hold.

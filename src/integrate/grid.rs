@@ -33,6 +33,7 @@ use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
 use crate::scene::{Camera, Scene, Sun, medium::luminance};
 use basis::Basis;
+pub use basis::harmonics;
 use field::{Field, Groups, Request};
 use glam::{DVec3, Vec3};
 pub use source::{Kept, Light, Part, SourceFunction, SourceSettings};

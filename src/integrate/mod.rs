@@ -1,6 +1,7 @@
 //! Integrators: from a scene to what a camera sees of it, and to where its energy goes.
 
 mod band;
+mod emission;
 pub mod flux;
 mod grid;
 mod lens;
@@ -17,9 +18,10 @@ use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
 use crate::scene::{Camera, Scene};
+pub use emission::{Emitted, render_emission};
 use glam::DVec3;
 use grid::GridTracer;
-pub use grid::{Kept, Light, Part, SourceFunction, SourceSettings};
+pub use grid::{Kept, Light, Part, SourceFunction, SourceSettings, harmonics};
 use lens::Lens;
 use path::PathTracer;
 use photon::{Lighting, PhotonSettings, PhotonTracer};

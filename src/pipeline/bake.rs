@@ -1,7 +1,7 @@
 //! From regions to light beside their voxels.
 
 use super::Job;
-use crate::bake::{Bake, Baked};
+use crate::bake::{Bake, judge};
 use crate::error::Result;
 use crate::export::report::{BakeReport, Report};
 use crate::export::vdb::Voxels;
@@ -26,11 +26,11 @@ pub(super) fn follow(job: &Job, bake: Bake, scene: &Scene, framed: &Framed, watc
     SourceFunction::new(scene, &plan, bake.kept(&framed.camera), &settings, watch)
 }
 
-/// Puts light beside the density, and tells the report.
-pub(super) fn shine(bake: Bake, source: &SourceFunction, voxels: &mut Voxels, report: &mut Report, watch: &dyn Progress) -> Result<()> {
-    let Some(density) = voxels.density() else { return Ok(()) };
-    let baked = Baked::new(bake, source, density, voxels.turned(), watch)?;
-    report.bake = Some(BakeReport::of(&baked));
-    voxels.shine(baked);
+/// Compares the light beside the density with the truth, and tells the report.
+pub(super) fn check(job: &Job, voxels: &Voxels, scene: &Scene, framed: &Framed, report: &mut Report, watch: &dyn Progress) -> Result<()> {
+    let Some((baked, density)) = voxels.light().zip(voxels.density()) else { return Ok(()) };
+    let view = (&framed.camera, f64::from(framed.width) / f64::from(framed.height), job.duality.seed);
+    let errors = judge(baked, density, voxels.density_scale, voxels.turned(), scene, view, watch)?;
+    report.bake = Some(BakeReport::of(baked, errors));
     Ok(())
 }

@@ -123,7 +123,9 @@ impl<'a> Targets<'a> {
             return usage("--bake puts light beside the grid \"density\": add it to --grids".into());
         }
         if matches!(bake, Bake::Sh1 | Bake::Sh2) && job.vdb.up != Up::Z {
-            return usage("--bake sh1 and sh2 are of directions in Blender's axes: leave out --up y, or use --bake view or isotropic".into());
+            return usage(
+                "--bake sh1 and sh2 are of directions in Blender's axes: leave out --up y, or use --bake view or isotropic".into(),
+            );
         }
         match gridless(layout.scene.regions.iter().filter(|r| stays(r, job.density)), job.duality.model) {
             Some(reason) => usage(format!("{}: {reason}, which also bakes: leave out --bake", job.input.display())),

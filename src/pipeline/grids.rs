@@ -1,34 +1,60 @@
 //! From regions to grids.
 
 use super::Job;
-use super::account::Clock;
-use crate::error::Result;
+use crate::bake::{Bake, Baked};
+use crate::error::{Error, Result};
 use crate::export::report::{Grids, Report};
-use crate::export::vdb::Voxels;
+use crate::export::vdb::{VdbOptions, Voxels};
 use crate::import;
+use crate::integrate::SourceFunction;
 use crate::progress::Progress;
 use crate::scene::{Region, Scene};
 
-/// Makes the grids, takes along what else a `.vdb` holds, and tells the report.
+/// How often voxels are made wider until the file is small enough.
+const ATTEMPTS: u32 = 8;
+/// By how much more than the sizes say, so that the next attempt fits.
+const SPARE: f64 = 1.02;
+
+/// Makes the grids, with what else a `.vdb` holds and the light of a bake, and tells the report.
 pub(super) fn make(
     job: &Job,
     scene: &Scene,
     written: &[Region],
+    light: Option<(Bake, &SourceFunction)>,
     report: &mut Report,
-    clock: &mut Clock,
     watch: &dyn Progress,
 ) -> Result<Voxels> {
-    let mut voxels = Voxels::new(scene, written, &job.vdb, watch)?;
-    clock.end("voxels");
+    let mut options = job.vdb.clone();
+    let mut attempts = 1;
+    let (voxels, notes) = loop {
+        let (voxels, notes) = once(job, scene, written, light, &options, watch)?;
+        let Some(most) = job.bake.most_bytes else { break (voxels, notes) };
+        let bytes = voxels.bytes(options.half)?;
+        if bytes <= most {
+            break (voxels, notes);
+        }
+        if attempts == ATTEMPTS {
+            let reason = format!(
+                "{} of {:.1} MB are left of the file with voxels of {} m",
+                job.input.display(),
+                bytes as f64 / 1e6,
+                voxels.voxel_size
+            );
+            return Err(Error::Scene { reason, fix: "Give --max-mb more, or write fewer grids".into() });
+        }
+        attempts += 1;
+        options.voxel_size = Some(voxels.voxel_size * (SPARE * (bytes as f64 / most as f64).cbrt()));
+    };
+    if attempts > 1 {
+        report.notes.push(format!("voxels are {} m, so that the file is within --max-mb", voxels.voxel_size));
+    }
     if voxels.coarsened {
         report.notes.push(format!(
             "voxels are {} m, coarser than the regions ask for, to stay within --max-voxels {}",
             voxels.voxel_size, job.vdb.max_voxels
         ));
     }
-    if import::is_vdb(&job.input) {
-        report.notes.extend(voxels.take_along(import::others(&job.input, &job.import)?));
-    }
+    report.notes.extend(notes);
     report.vdb = Some(Grids {
         density_scale: voxels.density_scale,
         voxel_size: voxels.voxel_size,
@@ -37,4 +63,22 @@ pub(super) fn make(
         grids: voxels.summary(),
     });
     Ok(voxels)
+}
+
+/// The grids, and sentences about what is left out.
+fn once(
+    job: &Job,
+    scene: &Scene,
+    written: &[Region],
+    light: Option<(Bake, &SourceFunction)>,
+    options: &VdbOptions,
+    watch: &dyn Progress,
+) -> Result<(Voxels, Vec<String>)> {
+    let mut voxels = Voxels::new(scene, written, options, watch)?;
+    if let Some(((bake, source), density)) = light.zip(voxels.density()) {
+        let baked = Baked::new(bake, source, density, voxels.turned(), watch)?;
+        voxels.shine(baked);
+    }
+    let notes = if import::is_vdb(&job.input) { voxels.take_along(import::others(&job.input, &job.import)?) } else { Vec::new() };
+    Ok((voxels, notes))
 }

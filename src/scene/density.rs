@@ -26,6 +26,13 @@ impl BrickGrid {
         &self.values[i * BRICK_VOXELS..(i + 1) * BRICK_VOXELS]
     }
 
+    /// The smallest and the largest index of the bricks' samples.
+    pub fn extent(&self) -> ([i32; 3], [i32; 3]) {
+        let low = self.origins.iter().fold([i32::MAX; 3], |m, o| std::array::from_fn(|a| m[a].min(o[a])));
+        let high = self.origins.iter().fold([i32::MIN; 3], |m, o| std::array::from_fn(|a| m[a].max(o[a] + BRICK_SIDE - 1)));
+        (low, high)
+    }
+
     /// The sample at an index; 0 outside the bricks.
     pub fn at(&self, index: [i32; 3]) -> f32 {
         self.at_or(index, 0.0)

@@ -1,6 +1,6 @@
 //! What the report says about baked light.
 
-use crate::bake::{Bake, Baked, Term};
+use crate::bake::{Bake, BakeError, Baked, Term};
 use crate::integrate::Part;
 use serde::Serialize;
 
@@ -19,6 +19,8 @@ pub struct BakeReport {
     pub photons: u64,
     /// The grids.
     pub grids: Vec<LightSummary>,
+    /// How far its picture is off the path tracer's: from the camera, and from two others.
+    pub errors: Vec<BakeError>,
 }
 
 /// A grid of light.
@@ -36,7 +38,7 @@ pub struct LightSummary {
 
 impl BakeReport {
     /// The account of what was baked.
-    pub fn of(baked: &Baked) -> Self {
+    pub fn of(baked: &Baked, errors: Vec<BakeError>) -> Self {
         let one = |grid: &crate::bake::LightGrid| LightSummary {
             name: grid.name.clone(),
             term: grid.term,
@@ -50,6 +52,7 @@ impl BakeReport {
             lobes: baked.lobes.clone(),
             photons: baked.photons,
             grids: baked.grids.iter().map(one).collect(),
+            errors,
         }
     }
 
@@ -57,6 +60,20 @@ impl BakeReport {
     pub(super) fn line(&self) -> String {
         let names: Vec<&str> = self.grids.iter().map(|grid| grid.name.as_str()).collect();
         let scales: Vec<String> = self.parts.iter().map(|part| format!("{:.6}", part.scale)).collect();
-        format!("baked     {} ({} W m^-2 sr^-1 a unit), by {} photons\n", names.join(", "), scales.join(", "), self.photons)
+        let off: Vec<String> = self
+            .errors
+            .iter()
+            .map(|e| {
+                let whose = if e.turned == 0.0 { "from its camera".into() } else { format!("turned by {:.0} degrees", e.turned) };
+                format!("{whose} {:+.1} +- {:.1} % in the mean, {:.1} % in blocks", 100.0 * e.mean, 100.0 * e.mean_se, 100.0 * e.rms)
+            })
+            .collect();
+        format!(
+            "baked     {} ({} W m^-2 sr^-1 a unit), by {} photons\noff       {}\n",
+            names.join(", "),
+            scales.join(", "),
+            self.photons,
+            off.join("; ")
+        )
     }
 }

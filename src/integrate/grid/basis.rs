@@ -7,7 +7,7 @@ use crate::scene::phase::sample_henyey_greenstein;
 use glam::Vec3;
 
 /// Real spherical harmonics of degrees 0 to 2.
-pub(super) const HARMONICS: usize = 9;
+pub const HARMONICS: usize = 9;
 /// The degree of each.
 pub(super) const DEGREE: [usize; HARMONICS] = [0, 1, 1, 1, 2, 2, 2, 2, 2];
 
@@ -119,7 +119,7 @@ impl Basis {
 
 /// The real spherical harmonics of degrees 0 to 2, orthonormal, in a direction of unit length.
 #[inline]
-pub(super) fn harmonics(d: Vec3) -> [f32; HARMONICS] {
+pub fn harmonics(d: Vec3) -> [f32; HARMONICS] {
     // sqrt(1 / 4 pi), sqrt(3 / 4 pi), sqrt(15 / 4 pi), sqrt(5 / 16 pi), sqrt(15 / 16 pi)
     const C: [f32; 5] = [0.282_094_8, 0.488_602_5, 1.092_548_4, 0.315_391_57, 0.546_274_2];
     [

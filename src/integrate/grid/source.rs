@@ -126,7 +126,8 @@ impl SourceFunction {
                 let share = settings.photons / count as u64;
                 let voxels = (settings.memory / (BYTES * basis.len() as u64)).min(share.max(super::LEAST_VOXELS)) as usize;
                 let seen = |_| true;
-                let request = Request { scene: &part, media, basis, origin, seen: &seen, first: 0, seed: settings.seed, voxels, coarser: 1.0 };
+                let request =
+                    Request { scene: &part, media, basis, origin, seen: &seen, first: 0, seed: settings.seed, voxels, coarser: 1.0 };
                 let mut field = Field::new(request);
                 field.brighten((&followed.photons, media), share, false, progress)?;
                 followed.lobe = field.lobe(mean_cosine).map_or(0.0, |lobe| lobe.clamp(LOBE[0], LOBE[1]));
