@@ -626,6 +626,8 @@ def baked_sequences(folder):
     choose(ball)
     assert not press("synthesise_sequence"), message()
     volume = bpy.data.objects["Mball Cloud"]
+    scene.frame_set(1)
+    volume.data.grids.load()
     assert "Live" in volume.data.materials[0].node_tree.nodes and sorted(g.name for g in volume.data.grids) == ["density", "light"]
     choose(ball)
     assert not press("synthesise_sequence") and "0 of them new" in message(), message()
