@@ -10,6 +10,10 @@ from .errors import CloudError
 
 #: The command's stages in their order, and what share of the time each takes, roughly.
 STAGES = {"import": 0.05, "photons": 0.30, "regions": 0.15, "voxels": 0.40, "vdb": 0.10}
+#: The same where light is baked: it is followed in rounds of photons and smoothing, and its pictures are judged by others.
+BAKING = {"import": 0.02, "photons": 0.08, "regions": 0.05, "light": 0.35, "voxels": 0.10, "bake": 0.10, "render": 0.25, "vdb": 0.05}
+#: Stages that come again and again, nobody knows how often: each round goes half of the way that is left.
+ROUNDS = ("light", "render")
 #: Seconds that the command has to end by itself once it is asked to.
 GRACE = 0.3
 #: How far the command stands back behind Blender and its drawing, as `nice` has it.
@@ -20,7 +24,9 @@ class Job:
     """Starts `command` at once. Its JSON lines are read by threads, so that its pipes never fill."""
 
     def __init__(self, command):
-        self.stage, self.share, self.notes = "import", 0.0, []
+        self.stage, self.notes = "import", []
+        self._weights, self._rounds, self._reached = BAKING if "--bake" in command else STAGES, {}, 0.0
+        self._traces = "--bake" in command or "duality" in command
         self._error, self._said, self._out = None, [], b""
         if os.name == "nt":
             options = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.BELOW_NORMAL_PRIORITY_CLASS}
@@ -43,13 +49,23 @@ class Job:
         return self.process.poll() is None
 
     def fraction(self):
-        """How far the whole run is, 0 to 1, over all stages."""
-        before = 0.0
-        for name, weight in STAGES.items():
-            if name == self.stage:
-                return min(before + weight * self.share, 1.0)
-            before += weight
-        return before
+        """How far the whole run is, 0 to 1, over all stages; it never goes back."""
+        return self._reached
+
+    def _enter(self, stage, share):
+        """The command is at `share` of a stage."""
+        if stage == "photons" and stage in self._rounds and self.stage != stage:
+            stage = "light"
+        if share == 0.0:
+            self._rounds[stage] = self._rounds.get(stage, -1) + 1
+        self.stage, names = stage, list(self._weights)
+        # Metaballs become voxels before photons see them: that is no stage of the cloud's.
+        early = stage == "voxels" and self._traces and "photons" not in self._rounds
+        if stage in names and not early:
+            if stage in ROUNDS:
+                share = 1.0 - (1.0 - 0.5 * share) * 0.5 ** self._rounds.get(stage, 0)
+            before = sum(self._weights[name] for name in names[:names.index(stage)])
+            self._reached = max(self._reached, min(before + self._weights[stage] * share, 1.0))
 
     def cancel(self):
         """Ends the process within half a second, whatever it does."""
@@ -95,7 +111,7 @@ class Job:
                 self._said += [text] if text else []
                 continue
             if kind == "progress":
-                self.stage, self.share = event["stage"], float(event["fraction"])
+                self._enter(event["stage"], float(event["fraction"]))
             elif kind == "error":
                 self._error = event["message"]
             elif kind == "done":

@@ -133,7 +133,7 @@ class CLOUDVDB_PT_output(Panel, bpy.types.Panel):
 
     def draw(self, context):
         column, settings = self.grow(context)
-        for name in ("folder", "set_bounces"):
+        for name in ("bake", "folder", "set_bounces"):
             column.prop(settings, name)
         try:
             column.label(text=binary.locate(preferences(context)), icon="CONSOLE")

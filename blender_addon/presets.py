@@ -8,7 +8,7 @@ from bl_operators.presets import AddPresetBase
 SUBDIR = "cloudvdb"
 SHIPPED = os.path.join(os.path.dirname(os.path.abspath(__file__)), "presets")
 FIELDS = ("medium", "sigma_t", "albedo", "anisotropy", "detail", "detail_size", "detail_strength", "detail_octaves", "detail_seed", "density",
-          "photons", "model", "placement", "seed", "resolution", "voxel_size", "max_voxels")
+          "photons", "model", "placement", "seed", "resolution", "voxel_size", "max_voxels", "bake")
 
 
 class CLOUDVDB_MT_presets(bpy.types.Menu):

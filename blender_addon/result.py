@@ -3,7 +3,7 @@
 import bpy
 from mathutils import Matrix
 
-from . import layout, material, vdb_metadata
+from . import baking, layout, material, vdb_metadata
 
 COLLECTION = "Clouds"
 #: Optical depth across a cloud in the Solid view, at most.
@@ -24,13 +24,9 @@ def place(scene, things, name, path, report, settings, frames=None):
     offset = -0.5 * report["vdb"]["voxel_size"] if bpy.app.version < (5, 0, 0) else 0.0
     moved = Matrix.Translation((offset - record.offset,) * 3)
     cloud.matrix_basis = cloud.matrix_basis @ moved
-    metadata = vdb_metadata.read(path)
-    medium = (report["vdb"]["density_scale"], metadata.get("albedo", 1.0), metadata.get("g", 0.0))
-    if cloud.data.materials and cloud.data.materials[0]:
-        told += material.follow(cloud.data.materials[0], record, *medium)
-    else:
-        cloud.data.materials.clear()
-        cloud.data.materials.append(material.create(cloud.name, *medium))
+    known = baking.cloud(report, vdb_metadata.read(path))
+    medium = (known["density"], known["albedo"][0], known["anisotropy"])
+    told += material.dress(cloud, known) + baking.advice(scene, known)
     # Thick clouds are flat shapes in the Solid view: there they are as thin as light and shade can be seen.
     bpy.context.view_layer.update()
     cloud.data.display.density = min(medium[0], SOLID / max(*cloud.dimensions, 1e-6))

@@ -9,7 +9,7 @@ import bpy
 
 from . import binary, layout, output, result, takes, vdb_metadata
 from .errors import CloudError
-from .task import Task, arguments, describe, scene_of, settings_of
+from .task import Task, describe, scene_of, settings_of
 
 
 class Sequence(Task):
@@ -86,7 +86,7 @@ class Sequence(Task):
         scene.frame_set(frame)
         path = self.layout_file()
         with open(path, "rb") as file:
-            words = [binary.version(self.command), *arguments(settings, self.voxel_size)]
+            words = [binary.version(self.command), *self.flags(settings, self.voxel_size)]
             self.print = hashlib.sha256(file.read() + "\0".join(words).encode()).hexdigest()
         entry = self.done.get(str(frame))
         if entry and entry["print"] == self.print and os.path.isfile(self.path(frame)):
@@ -99,7 +99,7 @@ class Sequence(Task):
     def keep(self, frame, report):
         """A frame is made: its file goes to its place, and into the list of what is done."""
         self.workshop.deliver(self.OUTPUT, self.path(frame))
-        report = {key: report[key] for key in ("vdb", "regions", "seconds")}
+        report = {key: report.get(key) for key in ("vdb", "regions", "seconds", "bake")}
         self.done[str(frame)] = {"print": self.print, "report": report}
         with open(self.workshop.file("frames.json"), "w", encoding="utf-8") as file:
             json.dump(self.done, file)

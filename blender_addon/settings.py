@@ -25,6 +25,13 @@ DETAILS = [
     ("altocumulus", "Altocumulus", "Small flakes of a middle deck"),
     ("cirrus", "Cirrus", "Fibres along x"),
 ]
+BAKES = [
+    ("none", "None", "The cloud scatters light by itself: true for any camera and light, and slow to render"),
+    ("view", "For this Camera", "What goes toward the scene's camera, all orders of scattering at once: the truest picture from there. The camera "
+                                "may turn, but not move"),
+    ("sh2", "Any View", "What goes in all directions: the sun's peaks, the rest by harmonics up to degree 2. Eleven grids or more"),
+    ("isotropic", "Any View, smallest", "The mean over all directions: one grid, without the bright rims toward the sun"),
+]
 
 
 #: Blender 4.5 and later want to be told that // is understood.
@@ -80,6 +87,9 @@ class CloudSettings(bpy.types.PropertyGroup):
                               description="Edge of a voxel in metres")
     max_voxels: IntProperty(name="Most Voxels", default=16_777_216, min=1_000, max=2_000_000_000,
                             description="The most active voxels of a grid; automatic sizes are coarsened to fit")
+    bake: EnumProperty(name="Bake Light", items=BAKES, default="none",
+                       description="Light that goes into grids beside the density, so that renders need no bounces. It is that of the Sun and the sky "
+                                   "of now: press again when they change")
     folder: StringProperty(name="Output", default="//clouds/", subtype="DIR_PATH", options=RELATIVE,
                            description="Where VDBs go; // is the folder of the .blend file")
     set_bounces: BoolProperty(name="Raise Volume Bounces", default=True,
@@ -107,6 +117,9 @@ class CloudRecord(bpy.types.PropertyGroup):
     density: FloatProperty(description="Extinction per metre of a sample of 1, as the material was given it")
     albedo: FloatProperty(description="Albedo, as the material was given it")
     anisotropy: FloatProperty(description="g, as the material was given it")
+    bake: StringProperty(default="none", description="The baked light that the material shows")
+    look: StringProperty(description="A print of the material as it was made, to see whether it was changed")
+    glow: StringProperty(description="A print of the material's group of baked light as it was made")
 
 
 CLASSES = (CloudSettings, LayoutItem, CloudRecord)

@@ -2,7 +2,7 @@
 """Making one cloud: export, the command, the Volume. Objects are kept by name, for undo may free them in between."""
 import bpy
 
-from . import binary, gltf_export, layout, output, result, takes
+from . import baking, binary, gltf_export, layout, output, result, takes
 from .errors import CloudError
 from .job import Job
 from .preferences import preferences
@@ -64,10 +64,14 @@ class Task:
         gltf_export.write(path, gltf_export.Request(scene, self.things(scene), scene.cloudvdb_settings, self.medium))
         return path
 
+    def flags(self, settings, voxel_size=None):
+        """The command's flags; light is baked into VDBs alone."""
+        return arguments(settings, voxel_size) + (baking.flags(settings) if self.OUTPUT.endswith(".vdb") else [])
+
     def start(self, settings, path, voxel_size=None):
         """Starts the command on an exported layout."""
         self.job = Job([self.command, path, "-o", self.workshop.file(self.OUTPUT), "--json", "--progress", "json",
-                        *arguments(settings, voxel_size), "--overwrite"])
+                        *self.flags(settings, voxel_size), "--overwrite"])
 
     def fraction(self):
         """How far it is, 0 to 1."""

@@ -20,7 +20,7 @@ AGAIN = ["select_a_metaball_press_the_button_see_a_cloud", "the_material_holds_t
          "a_second_press_replaces_the_cloud_and_keeps_what_is_the_users", "linked_data_libraries_and_instances", "nothing_selected_is_no_button",
          "file_export_writes_what_blender_drops", "metaballs_come_back_from_gltf", "a_sequence_of_frames", "regions_come_back_as_objects",
          "a_family_is_one_field_hidden_members_too", "presets_the_blender_way", "new_layouts", "cancelled_within_half_a_second_without_a_trace",
-         "disabled_it_leaves_nothing"]
+         "disabled_it_leaves_nothing", "baked_light_comes_and_goes", "baked_sequences"]
 
 
 @pytest.fixture(scope="module")
@@ -151,6 +151,41 @@ def test_the_iso_surface_is_blenders_own(cloudvdb, tmp_path):
         moved = vertices + [2 * voxel] * 3
         inside, outside = values(family["vdb"], [(moved - s * 1.87 * voxel * normals).tolist() for s in (1, -1)], tmp_path)
         assert min((inside > 0).mean(), (outside == 0).mean()) < 0.97
+
+
+BAKED = """
+scene = fresh(given["folder"], density="source", medium="CUSTOM", sigma_t=2.0, albedo=0.99, anisotropy=0.6, bake="view", max_voxels=60_000)
+sun(3.0)
+sky(0.2)
+scene.render.resolution_x, scene.render.resolution_y = 40, 60
+lens = camera(at=(2, -7, 1), angle=0.8)
+ball = metaball()
+addon.gltf_export.write(os.path.join(given["folder"], "layout.glb"), addon.gltf_export.Request(scene, [ball], scene.cloudvdb_settings))
+volume = cloud(ball)
+settings(40, 60, 32, bounces=0)
+if hasattr(scene.cycles, "volume_biased"):
+    scene.cycles.volume_biased = True
+arrays["baked"] = shoot()
+out["nodes"] = [node.name for node in volume.data.materials[0].node_tree.nodes]
+out["grids"] = [grid.name for grid in volume.data.grids]
+out["camera"] = addon.baking.flags(scene.cloudvdb_settings)[2:]
+"""
+
+
+@pytest.mark.parametrize("python", [None, bpy52], ids=["4.5", "5.2"])
+def test_baked_light_is_the_commands_own_picture(cloudvdb, tmp_path, python):
+    """All scattering without one bounce, in a picture higher than wide: the mean, and each block of pixels of the cloud."""
+    import numpy as np
+
+    from peers import read_exr
+    found = with_addon(BAKED, folder=str(tmp_path), python=python and python())
+    assert "Live" in found["nodes"] and sorted(found["grids"]) == ["density", "light"]
+    cloudvdb.make(tmp_path / "layout.glb", tmp_path, "--density", "source", "--integrator", "path", "--spp", "128", *found["camera"], outputs=("ours.exr",))
+    blocks = lambda image: image.mean(axis=2).reshape(12, 5, 8, 5).mean(axis=(1, 3))
+    baked, ours = blocks(found["arrays"]["baked"]), blocks(read_exr(tmp_path / "ours.exr")["Combined"])
+    cloudy = abs(ours - ours[0, 0]) > 0.02
+    assert cloudy.sum() > 10 and abs(baked[cloudy].mean() / ours[cloudy].mean() - 1) < 0.05, (baked[cloudy].mean(), ours[cloudy].mean())
+    assert abs(baked / ours - 1)[cloudy].max() < 0.2, np.round(baked / ours, 2)
 
 
 Y_UP = """

@@ -576,6 +576,85 @@ def a_stopped_sequence_goes_on(folder):
     assert not press("synthesise_sequence") and "2 of them new" in message(), message()
 
 
+# Baked light.
+
+@check
+def baked_light_comes_and_goes(folder):
+    scene = fresh(folder, density="source", medium="smoke", bake="view", max_voxels=20_000)
+    ball = metaball()
+    sun()
+    choose(ball)
+    assert "no camera" in press() and "Any View" in message() and files(folder) == ["scene.blend"], message()
+    camera().data.type = "ORTHO"
+    assert "orthographic" in press(), message()
+    scene.camera.data.type = "PERSP"
+    volume = cloud(ball)
+    slot, sorts = volume.data.materials, lambda: {node.name for node in volume.data.materials[0].node_tree.nodes}
+    assert sorted(g.name for g in volume.data.grids) == ["density", "light"] and {"Live", "Baked Light"} <= sorts()
+    # What nobody has touched is exchanged, under its name.
+    own, name = scene.cloudvdb_settings, slot[0].name
+    for bake, words in (("none", set()), ("isotropic", {"Live"}), ("sh2", {"Live"}), ("view", {"Live"})):
+        own.bake = bake
+        cloud(ball)
+        assert slot[0].name == name and len(slot) == 1 and {"Live"} & sorts() == words and "yours" not in message(), (bake, message())
+    assert len(bpy.data.node_groups) == 1 and len(volume.data.grids) == 2
+    # The user's Density stays, the rest follows: light too.
+    tree, medium = slot[0].node_tree, slot[0]
+    tree.nodes["Density"].outputs[0].default_value, before = 3.0, tree.nodes["Baked Light"].node_tree.as_pointer()
+    own.medium = "cumulus"
+    own.medium, own.sigma_t, own.anisotropy = "CUSTOM", 2.0, 0.7
+    cloud(ball)
+    assert slot[0] == medium and tree.nodes["Density"].outputs[0].default_value == 3.0 and "Density of the material" in message(), message()
+    assert abs(shader(volume).inputs["Anisotropy"].default_value - 0.7) < 1e-6 and len(bpy.data.node_groups) == 1
+    own.bake = "none"
+    cloud(ball)
+    assert slot[0] == medium and "is yours, and was left, though Bake Light is now None" in message(), message()
+    tree.nodes["Density"].outputs[0].default_value = 2.0
+    slot.clear()
+    cloud(ball)
+    assert "Live" not in sorts() and "yours" not in message(), message()
+
+
+@check
+def baked_sequences(folder):
+    scene = fresh(folder, density="source", medium="smoke", bake="isotropic", max_voxels=20_000, frame_start=1, frame_end=2)
+    ball = metaball()
+    sun()
+    ball.keyframe_insert("location", frame=1)
+    ball.location.x = 1
+    ball.keyframe_insert("location", frame=2)
+    choose(ball)
+    assert not press("synthesise_sequence"), message()
+    volume = bpy.data.objects["Mball Cloud"]
+    scene.frame_set(1)
+    volume.data.grids.load()
+    assert "Live" in volume.data.materials[0].node_tree.nodes and sorted(g.name for g in volume.data.grids) == ["density", "light"]
+    choose(ball)
+    assert not press("synthesise_sequence") and "0 of them new" in message(), message()
+    # Regions are brought without light.
+    choose(ball)
+    scene.cloudvdb_settings.density = "duality"
+    assert not press("bring_regions", form="EMPTY"), message()
+
+
+@check
+def progress_never_goes_back(folder):
+    scene = fresh(folder, bake="view", max_voxels=20_000)
+    sun()
+    camera()
+    choose(metaball())
+    for bake, wanted, early in (("view", {"light", "bake"}, 0.05), ("none", {"regions"}, 0.1)):
+        scene.cloudvdb_settings.bake = bake
+        task, seen, stages = module().task.Task(bpy.context), [0.0], {}
+        while not task.advance():
+            seen.append(task.fraction())
+            stages.setdefault(task.stage(), task.fraction())
+            time.sleep(0.001)
+        assert seen == sorted(seen) and 0.5 < seen[-1] <= 1.0 and wanted & set(stages), (stages, seen[-1])
+        # Metaballs become voxels before anything else: that is no stage of the cloud's.
+        assert stages.get("photons", 0.0) <= early, stages
+
+
 # Layouts, presets, the rest of the buttons.
 
 @check

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light in the grids: what the command is asked for, and what its report says to the material."""
+import math
+
+import bpy
+from mathutils import Vector
+
+from .errors import CloudError
+
+
+def flags(settings):
+    """The command's flags for the panel's Bake Light. Raises `CloudError`."""
+    if settings.bake == "none":
+        return []
+    return ["--bake", settings.bake, *(_view(settings.id_data) if settings.bake == "view" else [])]
+
+
+def _view(scene):
+    """The scene's camera, as the command takes it: the layout's file has none."""
+    camera, instead = scene.camera, 'or choose "Any View" as Bake Light'
+    if camera is None or camera.type != "CAMERA":
+        raise CloudError(f'The scene has no camera for "For this Camera" to bake light for: add one, {instead}')
+    if camera.data.type == "ORTHO":
+        raise CloudError(f'"{camera.name}" is orthographic, and light is baked for cameras that stand somewhere: make it Perspective, {instead}')
+    place = camera.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world
+    stands, ahead = place.translation, place.to_3x3() @ Vector((0.0, 0.0, -1.0))
+    said = ["--camera", _triple(stands), "--look-at", _triple(stands + ahead.normalized() * max(1.0, 1e-3 * stands.length))]
+    if camera.data.type == "PERSP":
+        corners = camera.data.view_frame(scene=scene)
+        width, height = (max(c[k] for c in corners) - min(c[k] for c in corners) for k in range(2))
+        render, share = scene.render, scene.render.resolution_percentage / 100
+        said += ["--fov", f"{math.degrees(2 * math.atan(0.5 * width / abs(corners[0].z))):.9g}"]
+        # The shape that the camera has, whatever the shape of a pixel.
+        columns = max(1, round(render.resolution_x * share))
+        said += ["--size", f"{columns}x{max(1, round(columns * height / width))}"]
+    return said
+
+
+def _triple(vector):
+    return ",".join(f"{number:.9g}" for number in vector)
+
+
+def cloud(report, metadata):
+    """What `baked.material` has to know of a cloud, from the command's report and the VDB's metadata."""
+    albedo = metadata.get("albedo", 1.0)
+    direction = [float(number) for number in metadata.get("sun_direction", "0 0 -1").split()]
+    return {"density": report["vdb"]["density_scale"], "albedo": [albedo] * 3, "anisotropy": metadata.get("g", 0.0),
+            "sun": {"direction": direction}, "bake": _light(report.get("bake"))}
+
+
+def _light(said):
+    """Of each light its colour and scale, and its grids by what they hold."""
+    if not said:
+        return None
+
+    def grids(part):
+        return {grid["term"] if isinstance(grid["term"], str) else str(grid["term"]["harmonic"]): grid["name"]
+                for grid in said["grids"] if grid["part"] == part}
+
+    parts = [{**part, "glow": said["lobes"][number], "grids": grids(number)} for number, part in enumerate(said["parts"])]
+    return {"bake": said["bake"], "g": said["g"], "parts": parts}
+
+
+def kind(cloud):
+    """The bake that a cloud has, as the panel's Bake Light names it."""
+    return cloud["bake"]["bake"] if cloud["bake"] else "none"
+
+
+def advice(scene, cloud):
+    """A sentence on what makes renders of baked light slow."""
+    cycles = getattr(scene, "cycles", None)
+    if cloud["bake"] and getattr(cycles, "volume_biased", True) is False:
+        return ["Baked light renders much faster with Biased ticked, in Cycles' settings of volumes"]
+    return []
