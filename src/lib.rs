@@ -10,7 +10,8 @@
 //!                          └──────────── --density source ──────────────►┼──────────────────────────► .glb
 //!                                                                        │
 //!                                                                        ├──integrate──► Film ──► .exr .png
-//!                                                                        │     └──► flux: up, down, absorbed
+//!                                                                        │     ├──► flux: up, down, absorbed
+//!                                                                        │     └──bake──► light ──► .vdb, .blend.py
 //!                                         what was found, done, wrong ───┴──────────────────────────► .json
 //! ```
 //!
@@ -25,6 +26,7 @@
 //! | [`photon`] | pass 1: photons leave the sun, scatter, and are stored |
 //! | [`regions`] | the duality: new regions out of stored photons |
 //! | [`integrate`] | what a camera sees of a scene: by unbiased path tracing, or by the thesis's pass 2; where the energy goes |
+//! | [`bake`] | light beside the density: what absorbs and emits looks like what scatters |
 //! | [`film`] | what each pixel receives, by the way it came, with its standard error |
 //! | [`sculpt`] | metaballs, soft meshes, turbulent detail: what varies within itself, made into voxels |
 //! | [`voxelise`] | regions to voxels, their optical mass kept |

@@ -3,7 +3,7 @@
 use super::depth::{self, Depth};
 use super::figure::count;
 use super::grid::{Grid, metadata};
-use super::{Findings, Report, Severity, VERSION, names, place, sequence, values};
+use super::{Findings, Report, Severity, VERSION, light, names, place, sequence, values};
 use crate::error::{Error, Result};
 use crate::vdb::{self, Unread};
 use serde::Serialize;
@@ -51,6 +51,7 @@ pub fn examine(path: &Path) -> Result<Report> {
         );
     }
     sequence::judge(path, &mut findings);
+    light::judge(&grids, &mut findings);
     let optical_depth = judge(&grids, &mut findings);
     findings.all.sort_by_key(|finding| finding.severity == Severity::Hint);
     Ok(Report {

@@ -12,6 +12,7 @@ mod depth;
 mod figure;
 mod file;
 mod grid;
+mod light;
 mod names;
 mod place;
 mod sequence;

@@ -35,7 +35,7 @@ pub(super) fn make(
         }
         if attempts == ATTEMPTS {
             let reason = format!(
-                "{} of {:.1} MB are left of the file with voxels of {} m",
+                "the VDB of {} still has {:.2} MB with voxels of {:.3} m",
                 job.input.display(),
                 bytes as f64 / 1e6,
                 voxels.voxel_size
