@@ -23,6 +23,13 @@ LIGHTS = {"all": "Light", "sun": "Sun", "sky": "Sky", "red": "Light", "green": "
 class Tree:
     """A node tree, written as arithmetic: numbers, and sockets of nodes made before."""
 
+    @classmethod
+    def of(cls, block):
+        """The emptied tree of a material or a world."""
+        block.use_nodes = True
+        block.node_tree.nodes.clear()
+        return cls(block.node_tree)
+
     def __init__(self, tree):
         self.tree, self.column = tree, 0
 
@@ -76,9 +83,7 @@ def material(name, cloud):
     Where light is baked it absorbs and emits what the grids say, toward whoever the bake is for; its node "Live" set to 1 makes of it
     the Principled Volume that scatters by itself. Without a bake it is that alone."""
     made = bpy.data.materials.new(name)
-    made.use_nodes = True
-    tree = Tree(made.node_tree)
-    made.node_tree.nodes.clear()
+    tree = Tree.of(made)
     out = tree.node("ShaderNodeOutputMaterial")
     density = tree.node("ShaderNodeValue", name="Density", label="Density (1/m)")
     density.outputs[0].default_value = cloud["density"]

@@ -102,7 +102,8 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
             clock.end("light");
         }
         let light = source.as_ref().map(|(bake, source)| (*bake, source));
-        let voxels = grids::make(job, &layout.scene, &written, light, &mut report, progress)?;
+        let metadata = metadata(job, &layout, &report);
+        let voxels = grids::make(job, &layout.scene, &written, light, &metadata, &mut report, progress)?;
         clock.end("voxels");
         if let Some(framed) = &framed {
             bake::check(job, &voxels, &scene, framed, &mut report, progress)?;
@@ -112,7 +113,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
         }
         progress.begin("vdb", 1);
         for target in targets.each(Format::Vdb) {
-            staged.add(target, |path| voxels.write(path, job.vdb.half, &metadata(job, &layout, &report)))?;
+            staged.add(target, |path| voxels.write(path, job.vdb.half, &metadata))?;
         }
         for (target, framed) in targets.each(Format::Blend).zip(&framed) {
             let vdb = targets.each(Format::Vdb).next().map_or(target.as_path(), |vdb| vdb);

@@ -6,7 +6,7 @@ use super::staged::write_bytes;
 use super::vdb::Voxels;
 use crate::bake::{Baked, Term};
 use crate::error::Result;
-use crate::scene::{Framed, Region, Scene};
+use crate::scene::{Framed, Scene};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
@@ -35,8 +35,7 @@ pub fn write(path: &Path, setup: &Setup) -> Result<()> {
     let lines: Vec<String> = setup.data().as_object().into_iter().flatten().map(|(key, value)| format!("  {key:?}: {value}")).collect();
     let data = lines.join(",\n");
     let text = format!(
-        "# Sets a cloud of cloudvdb up in Blender (3.4 and newer):  blender --python {}\n# Or open it in the Text Editor, and press Run. The VDB belongs beside it.\n# SPDX-License-Identifier: MIT OR Apache-2.0\nCLOUD = r\"\"\"{{\n{data}\n}}\"\"\"\n\n{MATERIALS}\n\n{STAGE}",
-        setup.target.file_name().map(|n| n.to_string_lossy()).unwrap_or_default(),
+        "# Sets a cloud of cloudvdb up in Blender (3.4 and newer):  blender --python THIS\n# Or open it in the Text Editor, and press Run. The VDB belongs beside it.\n# SPDX-License-Identifier: MIT OR Apache-2.0\nCLOUD = r\"\"\"{{\n{data}\n}}\"\"\"\n\n{MATERIALS}\n\n{STAGE}",
     );
     write_bytes(path, text.as_bytes())
 }
@@ -52,7 +51,7 @@ impl Setup<'_> {
                 vec![m.matrix3.row(row).x, m.matrix3.row(row).y, m.matrix3.row(row).z, m.translation[row]]
             })
             .collect();
-        let (albedo, g) = means(&scene.regions);
+        let albedo: [f64; 3] = std::array::from_fn(|c| scene.mean(|r| r.medium.albedo_rgb()[c]));
         let bounds = scene.region_bounds();
         let surface = |s: &crate::scene::Surface| {
             let vertices: Vec<[f64; 3]> = s.mesh.vertices.iter().map(|v| v.to_array()).collect();
@@ -64,7 +63,7 @@ impl Setup<'_> {
             "voxel_size": voxels.voxel_size,
             "density": voxels.density_scale,
             "albedo": albedo,
-            "anisotropy": g,
+            "anisotropy": scene.mean(|r| r.medium.g),
             "bounds": [bounds.min.to_array(), bounds.max.to_array()],
             "bake": voxels.light().map(light),
             "sun": {"direction": sun.direction.to_array(), "irradiance": sun.irradiance, "angle": sun.angular_diameter},
@@ -91,13 +90,6 @@ fn light(baked: &Baked) -> Value {
         json!({"light": part.light, "scale": part.scale, "tint": part.tint, "glow": baked.lobes[number], "grids": grids})
     };
     json!({"bake": baked.bake, "g": baked.mean_cosine, "parts": baked.parts.iter().enumerate().map(part).collect::<Vec<_>>()})
-}
-
-/// The mean albedo, linear RGB, and the mean cosine, by optical mass.
-fn means(regions: &[Region]) -> ([f64; 3], f64) {
-    let whole: f64 = regions.iter().map(Region::optical_mass).sum::<f64>().max(f64::MIN_POSITIVE);
-    let mean = |of: &dyn Fn(&Region) -> f64| regions.iter().map(|r| of(r) * r.optical_mass()).sum::<f64>() / whole;
-    (std::array::from_fn(|c| mean(&|r| r.medium.albedo_rgb()[c])), mean(&|r| r.medium.g))
 }
 
 /// The path of the VDB from the script's folder; its own where there is none.

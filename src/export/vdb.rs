@@ -186,18 +186,18 @@ impl Voxels {
         write_beside(path, &grids, &self.others, metadata)
     }
 
-    /// How large the file is, without the file's own metadata.
+    /// How large the file is.
     ///
     /// # Errors
     /// As [`Voxels::write`].
-    pub fn bytes(&self, half: bool) -> Result<u64> {
+    pub fn bytes(&self, half: bool, metadata: &[(String, Meta)]) -> Result<u64> {
         let wrong = |error: std::io::Error| Error::Write {
             target: std::env::temp_dir(),
             reason: format!("cannot be written ({error})"),
             fix: "Free some space there, or set TMPDIR".into(),
         };
         let file = tempfile::Builder::new().suffix(".vdb").tempfile().map_err(wrong)?;
-        self.write(file.path(), half, &[])?;
+        self.write(file.path(), half, metadata)?;
         Ok(std::fs::metadata(file.path()).map_err(wrong)?.len())
     }
 

@@ -6,7 +6,7 @@ use crate::export::report::{self, Energy, Errors, Mass, Photons, Regions, Report
 use crate::import::Layout;
 use crate::plan::Plan;
 use crate::regions::Duality;
-use crate::scene::{Region, Scene};
+use crate::scene::Scene;
 use crate::vdb::Meta;
 use std::time::Instant;
 
@@ -116,8 +116,6 @@ pub(super) fn metadata(job: &Job, layout: &Layout, report: &Report) -> Vec<(Stri
     let text = |key: &str, value: String| (key.to_string(), Meta::Text(value));
     let number = |key: &str, value: f64| (key.to_string(), Meta::Float(value));
     let scene = &layout.scene;
-    let mass = scene.optical_mass().max(f64::MIN_POSITIVE);
-    let mean = |f: fn(&Region) -> f64| scene.regions.iter().map(|r| f(r) * r.optical_mass()).sum::<f64>() / mass;
     let sun = scene.sun;
     let name = |v: serde_json::Result<serde_json::Value>| v.ok().and_then(|v| v.as_str().map(String::from)).unwrap_or_default();
     vec![
@@ -127,9 +125,9 @@ pub(super) fn metadata(job: &Job, layout: &Layout, report: &Report) -> Vec<(Stri
         text("cloudvdb_model", name(serde_json::to_value(job.duality.model))),
         ("cloudvdb_seed".into(), Meta::Int(job.duality.seed as i64)),
         ("cloudvdb_photons".into(), Meta::Int(report.photons.map_or(0, |p| p.stored) as i64)),
-        number("sigma_t", mean(|r| r.medium.sigma_t())),
-        number("albedo", mean(|r| r.medium.albedo())),
-        number("g", mean(|r| r.medium.g)),
+        number("sigma_t", scene.mean(|r| r.medium.sigma_t())),
+        number("albedo", scene.mean(|r| r.medium.albedo())),
+        number("g", scene.mean(|r| r.medium.g)),
         text("sun_direction", format!("{} {} {}", sun.direction.x, sun.direction.y, sun.direction.z)),
         text("sun_irradiance", format!("{} {} {}", sun.irradiance[0], sun.irradiance[1], sun.irradiance[2])),
         number("sun_angle", sun.angular_diameter),

@@ -9,6 +9,7 @@ use crate::import;
 use crate::integrate::SourceFunction;
 use crate::progress::Progress;
 use crate::scene::{Region, Scene};
+use crate::vdb::Meta;
 
 /// How often voxels are made wider until the file is small enough.
 const ATTEMPTS: u32 = 8;
@@ -21,6 +22,7 @@ pub(super) fn make(
     scene: &Scene,
     written: &[Region],
     light: Option<(Bake, &SourceFunction)>,
+    metadata: &[(String, Meta)],
     report: &mut Report,
     watch: &dyn Progress,
 ) -> Result<Voxels> {
@@ -29,7 +31,7 @@ pub(super) fn make(
     let (voxels, notes) = loop {
         let (voxels, notes) = once(job, scene, written, light, &options, watch)?;
         let Some(most) = job.bake.most_bytes else { break (voxels, notes) };
-        let bytes = voxels.bytes(options.half)?;
+        let bytes = voxels.bytes(options.half, metadata)?;
         if bytes <= most {
             break (voxels, notes);
         }

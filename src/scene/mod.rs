@@ -60,6 +60,11 @@ impl Scene {
         self.regions.iter().fold(Bounds::EMPTY, |all, region| all.union(one(region)))
     }
 
+    /// The mean of what regions have, by their optical mass; 0 without any.
+    pub fn mean(&self, of: impl Fn(&Region) -> f64) -> f64 {
+        self.regions.iter().map(|r| of(r) * r.optical_mass()).sum::<f64>() / self.optical_mass().max(f64::MIN_POSITIVE)
+    }
+
     /// The optical mass of all regions, the integral of sigma_t over space, in m^2.
     pub fn optical_mass(&self) -> f64 {
         self.regions.iter().map(Region::optical_mass).sum()

@@ -35,9 +35,7 @@ def sun(cloud, collection):
 def sky(cloud, scene):
     """A sky of the same radiance from everywhere."""
     world = bpy.data.worlds.new("Sky")
-    world.use_nodes = True
-    tree = Tree(world.node_tree)
-    world.node_tree.nodes.clear()
+    tree = Tree.of(world)
     background = tree.node("ShaderNodeBackground")
     background.inputs["Color"].default_value = (*cloud["sky"], 1.0)
     tree.put(background.outputs[0], tree.node("ShaderNodeOutputWorld").inputs["Surface"])
@@ -73,9 +71,7 @@ def surfaces(cloud, collection):
         mesh = bpy.data.meshes.new(surface["name"])
         mesh.from_pydata(surface["vertices"], [], surface["triangles"])
         made = bpy.data.materials.new(surface["name"])
-        made.use_nodes = True
-        tree = Tree(made.node_tree)
-        made.node_tree.nodes.clear()
+        tree = Tree.of(made)
         diffuse = tree.node("ShaderNodeBsdfDiffuse")
         diffuse.inputs["Color"].default_value = (*surface["albedo"], 1.0)
         tree.put(diffuse.outputs[0], tree.node("ShaderNodeOutputMaterial").inputs["Surface"])
