@@ -189,6 +189,29 @@ def hura2006_cumulus():
     write("hura2006_cumulus")
 
 
+def sunbeams():
+    """A broken deck between the viewer and the sun, in hazy air: its gaps send beams that run toward the sun by perspective."""
+    start()
+    rng = random.Random(22)
+    mesh = ball_mesh("Ball")
+    mesh.materials.append(cloud_material("Cloud", {"sigma_t": 0.05, "albedo": 0.9999, "g": 0.86}))
+    count = 0
+    for row in range(9):
+        for column in range(13):
+            x, y = 320.0 * (column - 6 + rng.uniform(-0.4, 0.4)), 900.0 + 330.0 * (row + rng.uniform(-0.4, 0.4))
+            radius, gap = rng.uniform(130.0, 260.0), rng.random() < 0.22
+            if gap:
+                continue
+            count += 1
+            thing = sphere(f"Cloud.{count:03}", mesh, (x, y, 1250.0 + rng.uniform(-40.0, 40.0)), radius)
+            thing.scale = (radius, radius * rng.uniform(0.8, 1.2), 0.4 * radius)
+    ground(40000.0, 0.0, 0.15)
+    sun(33.0, 90.0, 3.0)
+    camera((0.0, -1500.0, 60.0), (0.0, 900.0, 560.0), 62.0)
+    bpy.context.scene["cloudvdb"] = {"atmosphere": {"preset": "clear", "visibility": 9000.0}}
+    write("sunbeams")
+
+
 def slab():
     """A stratus deck: an empty object with extras; 8 optical depths, which the tables of the tests have."""
     start()
@@ -207,3 +230,4 @@ if __name__ == "__main__":
     for balls in (1, 2, 3):
         hura2006(balls)
     hura2006_cumulus()
+    sunbeams()

@@ -347,6 +347,7 @@ fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(Vec3, f32,
     }
 }
 
+pub mod air;
 mod balls;
 mod cells;
 mod grid;

@@ -94,6 +94,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     let scene = lit(&layout.scene, &written, job.density);
     let mut staged = Staged::default();
     if targets.any(Format::Vdb) {
+        let scene = bake::without_air(job, &scene, &mut report.notes);
         let source = match job.bake.light.zip(framed.as_ref()) {
             Some((bake, framed)) => Some((bake, bake::follow(job, bake, &scene, framed, progress)?)),
             None => None,

@@ -33,6 +33,8 @@ pub enum EffectName {
     SurfaceShadow,
     /// Light that surfaces send back to the regions.
     SurfaceBounce,
+    /// Air around the clouds: haze, the sky's blue, sunbeams.
+    Air,
     /// Media or light of more than one colour.
     Colour,
     /// The synthesis of regions (thesis 3.3.1).
@@ -152,6 +154,7 @@ impl Plan {
                 },
                 albedo,
             ),
+            air(scene),
             effect(
                 EffectName::Colour,
                 false,
@@ -190,6 +193,16 @@ impl Plan {
 /// An effect that is off because there is nothing of it has nothing to leave out: only a measured share is kept then.
 fn effect(name: EffectName, on: bool, bound: f64, reason: String, figure: f64) -> Effect {
     Effect { name, on, reason, figure, bound: if on || name == EffectName::SunDisc { bound } else { 0.0 } }
+}
+
+/// Air takes and gives at most what collides in it, along the longest way that the scene has in it.
+fn air(scene: &Scene) -> Effect {
+    let depth = scene.air.depth().into_iter().fold(0.0, f64::max);
+    let reason = match scene.air.layers().count() {
+        0 => "there is no air".into(),
+        n => format!("{n} layers of air, of optical depth {depth:.3} straight up"),
+    };
+    effect(EffectName::Air, depth > 0.0, 1.0, reason, depth)
 }
 
 /// How many regions' bounds meet another's.

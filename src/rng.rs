@@ -20,6 +20,8 @@ pub enum Stage {
     Flux = 5,
     /// Pass 2's own photons.
     Gather = 6,
+    /// Paths that tell what air sends.
+    Air = 7,
 }
 
 /// A stream of uniform random numbers.

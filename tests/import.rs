@@ -336,8 +336,7 @@ fn layouts_are_repeated_as_grids() {
 #[test]
 fn media_from_node_material_scene_and_default() {
     let mut gltf = Gltf::default();
-    gltf.json["scenes"][0]["extras"] =
-        json!({"cloudvdb": {"medium": {"preset": "smoke"}, "sun_angle": 0.02, "sky": [1, 2, 3], "atmosphere": 1}});
+    gltf.json["scenes"][0]["extras"] = json!({"cloudvdb": {"medium": {"preset": "smoke"}, "sun_angle": 0.02, "sky": [1, 2, 3], "atmosphere": ["clear", {"preset": "haze", "top": 500}]}});
     let material = gltf.push("materials", json!({"name": "Fog", "extras": {"cloudvdb": {"sigma_t": 2.0, "albedo": 0.75, "g": 0.5}}}));
     let of = |gltf: &mut Gltf, name: &str, extras: Value| gltf.ball(json!({"name": name, "extras": {"cloudvdb": extras}}));
     of(&mut gltf, "Node", json!({"sigma_s": [0.1, 0.2, 0.3], "sigma_a": 0.4, "g": -0.5}));
@@ -353,7 +352,8 @@ fn media_from_node_material_scene_and_default() {
     assert_eq!((medium("Material").sigma_s, medium("Material").sigma_a, medium("Material").g), ([1.5; 3], [0.5; 3], 0.1));
     assert_eq!((medium("Scene").sigma_s[0], medium("Scene").g), (0.6, 0.5));
     assert_eq!(layout.scene.sun.angular_diameter, 0.02);
-    assert!(layout.notes.iter().any(|n| n.contains("atmosphere is not used yet")));
+    let tops: Vec<f64> = layout.scene.air.layers().map(|layer| layer.top).collect();
+    assert_eq!(tops, [240_000.0, 36_000.0, 500.0]);
     assert_eq!(layout.scene.sky, [1.0, 2.0, 3.0]);
 
     let mut gltf = Gltf::default();

@@ -1,9 +1,9 @@
 //! The flags that say what a file does not, or override what it says: media, sun, sky, camera.
 
 use super::values::{count, length};
-use crate::import::{ImportOptions, MAX_VOXELS};
+use crate::import::{ImportOptions, MAX_VOXELS, air::spelt};
 use crate::scene::view::LONGEST;
-use crate::scene::{Overrides, View};
+use crate::scene::{Air, Overrides, View};
 use crate::sculpt::{DetailRequest, Genus, MOST_OCTAVES, MOST_STRENGTH};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
@@ -42,6 +42,10 @@ pub struct SceneArguments {
     /// The sky's radiance in W/m^2/sr, one number or R,G,B
     #[arg(long, value_name = "L|R,G,B", value_parser = light, allow_hyphen_values = true)]
     pub sky: Option<Rgb>,
+    /// The air around the clouds: none, clear, rayleigh, or a medium with a top, with options behind it as in
+    /// clear:visibility=20000,base=0 or haze:visibility=8000,top=1500; a + between several
+    #[arg(long, value_name = "AIR", value_parser = spelt)]
+    pub atmosphere: Option<Air>,
     /// Repeat grids horizontally without end
     #[arg(long, value_enum, value_name = "AXES")]
     pub periodic: Option<Periodic>,
@@ -97,6 +101,7 @@ impl SceneArguments {
                 sun_angle: self.sun_angle,
                 irradiance: self.irradiance,
                 sky: self.sky,
+                air: self.atmosphere,
                 periodic: self.periodic.is_some(),
             },
             detail: self.detail,

@@ -1,11 +1,15 @@
 //! `extras.cloudvdb`: what an artist says about a node, a material or the scene.
 
 use super::{
+    air,
     at::At,
     detail::{self, Asked},
     medium::MediumSpec,
 };
-use crate::{Result, scene::Medium};
+use crate::{
+    Result,
+    scene::{Air, Medium},
+};
 use serde_json::{Map, Value};
 use std::borrow::Cow;
 
@@ -59,14 +63,13 @@ pub(super) struct SceneSpec {
     /// The sky's radiance, W m^-2 sr^-1, RGB.
     pub sky: Option<[f64; 3]>,
     pub detail: Option<Asked>,
+    pub air: Option<Air>,
 }
 
 const SHAPE_KEYS: [&str; 9] = ["shape", "radius", "half_height", "threshold", "stiffness", "file", "grid", "falloff", "detail"];
 const MEDIUM_KEYS: [&str; 6] = ["preset", "sigma_s", "sigma_a", "sigma_t", "albedo", "g"];
 /// Keys that `-o regions.glb` writes for people, and that say nothing about the scene.
 const WRITTEN_KEYS: [&str; 1] = ["photons"];
-/// Of the scene; understood, and not used yet.
-const LATER_KEYS: [&str; 1] = ["atmosphere"];
 
 /// Reads a node's or a material's extras. Keys that mean nothing become notes.
 pub(super) fn spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>) -> Result<Option<Spec>> {
@@ -101,10 +104,7 @@ pub(super) fn scene_spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>
     let Some(value) = extras.and_then(|extras| extras.get("cloudvdb")) else { return Ok(SceneSpec::default()) };
     let map = object(value, at)?;
     let fields = Fields { map: &map, at, path: "extras.cloudvdb" };
-    fields.unknown(&[&["medium", "sun_angle", "sky", "detail"], &LATER_KEYS], notes);
-    for key in LATER_KEYS.iter().filter(|key| map.contains_key(**key)) {
-        notes.push(format!("{at}: extras.cloudvdb.{key} is not used yet."));
-    }
+    fields.unknown(&[&["medium", "sun_angle", "sky", "atmosphere", "detail"]], notes);
     let medium = match map.get("medium") {
         Some(value) => {
             let map = object(value, at)?;
@@ -121,7 +121,8 @@ pub(super) fn scene_spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>
     };
     let sky = fields.rgb("sky")?;
     sky.iter().flatten().try_for_each(|&v| fields.at_least_zero("sky", v).map(drop))?;
-    Ok(SceneSpec { medium, sun_angle, sky, detail: detail::read(&fields)? })
+    let air = map.get("atmosphere").map(|value| air::read(value, at, notes)).transpose()?;
+    Ok(SceneSpec { medium, sun_angle, sky, detail: detail::read(&fields)?, air })
 }
 
 pub(super) fn find<T: Copy>(names: &[(&str, T)], name: &str) -> Option<T> {

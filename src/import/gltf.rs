@@ -31,6 +31,7 @@ pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions, 
     }
     let visits = walk::walk(file, root, &roots, options.regions.as_deref())?;
     builder.scene.sky = builder.scene_spec.sky.unwrap_or_default();
+    builder.scene.air = builder.scene_spec.air.unwrap_or_default();
     builder.summarise(&visits);
     for visit in &visits {
         if let Some(node) = root.nodes.get(visit.node) {

@@ -78,6 +78,11 @@ impl Filling {
         filling
     }
 
+    /// The medium, where its extinction is known.
+    pub fn medium(&self) -> Option<Medium> {
+        self.sigma.map(|(sigma_s, sigma_a)| Medium { sigma_s, sigma_a, g: self.g })
+    }
+
     fn apply(&mut self, spec: &MediumSpec) {
         if let Some(medium) = spec.preset {
             self.sigma = Some((medium.sigma_s, medium.sigma_a));

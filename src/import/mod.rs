@@ -12,6 +12,7 @@
 //! exist (a panic), its GLB header underflows, and it reads transforms as `f32`. Tests keep it as the twin to agree with.
 
 mod accessor;
+pub mod air;
 mod at;
 mod buffers;
 mod build;

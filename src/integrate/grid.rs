@@ -5,14 +5,18 @@
 //! without error, and light is looked up at points spread evenly over the chance of a collision, each jittered in its slice. So a
 //! picture costs photons and voxels; its pixels cost little.
 //!
+//! Where there is air, sunlight in it is looked at along the way, and the rest looked up in a [`glow::Glow`].
+//!
 //! One field holds what goes toward the camera, with the phase functions' peaks. Where surfaces are seen, a coarser one holds light of
 //! all directions by harmonics of degrees 0 to 2, for what clouds send them.
 
+mod air;
 mod basis;
 mod deposit;
 mod field;
 mod fit;
 mod frame;
+mod glow;
 mod source;
 mod space;
 mod sums;
@@ -27,15 +31,16 @@ use crate::error::Result;
 use crate::geom::Ray;
 use crate::media::{Media, Profile, Scratch};
 use crate::photon::{GROUPS, Model, Tracer};
-use crate::plan::Plan;
+use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
-use crate::scene::{Camera, Scene, Sun, medium::luminance};
+use crate::scene::{Air, Camera, Scene, Sun, medium::luminance};
 use basis::Basis;
 pub use basis::harmonics;
 use field::{Field, Groups, Request};
 use glam::{DVec3, Vec3};
+use glow::Glow;
 pub use source::{Kept, Light, Part, SourceFunction, SourceSettings};
 use std::borrow::Cow;
 
@@ -77,6 +82,8 @@ struct Channel {
     /// The light that the camera sees, and, where it is another, that surfaces get.
     view: Option<Field>,
     around: Option<Field>,
+    /// What air sends to the camera, where there is air.
+    glow: Option<Glow>,
     /// Which of R, G, B this is.
     mask: Vec3,
     /// What light of grey power 1 is in colour.
@@ -113,7 +120,8 @@ impl GridTracer {
         let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
         let channel = |(part, mask, tint): (Cow<Scene>, Vec3, Vec3)| {
             let tracer = PathTracer::new(&part, plan);
-            let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass();
+            let air = if plan.on(EffectName::Air) { part.air } else { Air::default() };
+            let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass().through(&air);
             let lens = Lens::new(camera, settings.width, settings.height, tracer.origin);
             let (mut view, mut around) = (None, None);
             if !part.regions.is_empty() && photons.strongest() > 0.0 {
@@ -131,7 +139,12 @@ impl GridTracer {
                     view = Some(field(ALL, &|_| true, 0, 1.0, 1));
                 }
             }
-            Channel { tracer, photons, view, around, mask, tint }
+            let glow = (!air.is_empty()).then(|| {
+                let wide = part.surfaces.iter().fold(part.region_bounds(), |b, s| b.union(s.mesh.bounds())).size().length();
+                let size = if part.regions.is_empty() { wide } else { part.region_bounds().size().length() };
+                Glow::new(&tracer, lens, [settings.width, settings.height], size.max(1.0) as f32, settings.seed)
+            });
+            Channel { tracer, photons, view, around, glow, mask, tint }
         };
         let channels: Vec<Channel> = parts.into_iter().map(channel).collect();
         let origin = channels[0].tracer.origin;
@@ -144,7 +157,10 @@ impl GridTracer {
     /// [`crate::Error::Interrupted`].
     pub(super) fn brighten(&mut self, photons: u64, progress: &dyn Progress) -> Result<()> {
         let photons = photons.div_ceil(self.channels.len() as u64);
-        for Channel { tracer, photons: followed, view, around, .. } in &mut self.channels {
+        for Channel { tracer, photons: followed, view, around, glow, .. } in &mut self.channels {
+            if let Some(glow) = glow {
+                glow.brighten(tracer, photons, progress)?;
+            }
             for (field, fewer) in [(view, 1), (around, FEWER)] {
                 if let Some(field) = field {
                     field.brighten((followed, &tracer.bands[0].media), photons.div_ceil(fewer), self.go_on, progress)?;
@@ -162,7 +178,7 @@ impl GridTracer {
 }
 
 /// The grey scenes that make up a scene, with the channels that each stands for and the tint of its light: one, where sun and sky have the
-/// same and nothing else is coloured; two, one of the sun's light and one of the sky's, where only these differ, so that noise has no other
+/// same and nothing else is coloured, air neither; two, one of the sun's light and one of the sky's, where only these differ, so that noise has no other
 /// colours than they; else three.
 fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
     let (sun, sky) = (scene.sun.irradiance, scene.sky);
@@ -220,7 +236,14 @@ impl Channel {
                     None => (stretch.far, 1.0 - f64::from(stretch.clear)),
                 };
             }
-            throughput *= stretch.clear;
+            if !tracer.bands[0].air.is_empty() {
+                let sent = self.air(&ray, hit.map_or(reach, |h| h.t), first, rng, room);
+                arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * sent.direct;
+                arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * sent.indirect;
+                arrival.groups.iter_mut().zip(&sent.groups).for_each(|(sum, &group)| *sum += throughput * self.tint * group);
+                arrival.collisions += sent.looks;
+            }
+            throughput *= stretch.clear * tracer.bands[0].air.transmittance(&ray, hit.map_or(reach, |h| h.t)) as f32;
             let Some(hit) = hit else {
                 arrival.light[layer as usize] += throughput * tracer.sky;
                 return arrival;
@@ -257,11 +280,12 @@ impl Channel {
             let distance = room.profile.distance(tau, &mut step);
             let region = room.profile.region(distance, || rng.uniform());
             let (albedo, g) = band.optics[region as usize];
+            let before = band.air.transmittance(ray, distance) as f32;
             let here = Ray { origin: ray.at(distance), direction: ray.direction };
-            direct += albedo * tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch).0;
+            direct += albedo * before * tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch).0;
             far += f64::from(distance);
             if let Some(field) = field {
-                field.scattered(here.origin, -ray.direction, g, band.media.optics(region).albedo as f32, (&mut sums, &mut doubt));
+                field.scattered(here.origin, -ray.direction, g, before * band.media.optics(region).albedo as f32, (&mut sums, &mut doubt));
             }
         }
         let tint = self.tint * weight as f32;

@@ -55,6 +55,12 @@ impl Lens {
         depth >= -radius && within(p.x, right) && within(p.y, top)
     }
 
+    /// Where a direction meets the picture, in pixels from its upper left corner.
+    pub(super) fn pixel(&self, direction: Vec3) -> [f32; 2] {
+        let p = self.axes.transpose() * direction;
+        [self.half.0 - p.x / (p.z * self.per_pixel), self.half.1 + p.y / (p.z * self.per_pixel)]
+    }
+
     /// The ray through a point of the picture, in pixels from its upper left corner.
     pub(super) fn view(&self, x: f32, y: f32) -> View {
         let local = Vec3::new((x - self.half.0) * self.per_pixel, (self.half.1 - y) * self.per_pixel, -1.0);

@@ -1,6 +1,7 @@
 //! The reference: unbiased path tracing through media and off surfaces, sunlight sampled at every event.
 //!
-//! No step is cut and nothing is interpolated: media are crossed by [`Media::fly`](crate::media::Media::fly), the sun's disc
+//! No step is cut and nothing is interpolated: media are crossed by [`Media::fly`](crate::media::Media::fly), air by a flight of its
+//! own of which the shorter counts, the sun's disc
 //! is sampled, the sky is met by leaving. Roulette begins where throughput has fallen below [`DIM`]; what it kills and what
 //! it keeps balance in the mean.
 
@@ -13,8 +14,8 @@ use crate::media::{Flight, Scratch};
 use crate::plan::{EffectName, Plan};
 use crate::rng::Rng;
 use crate::sampling::{around, cosine_hemisphere};
-use crate::scene::Scene;
 use crate::scene::phase::sample_henyey_greenstein;
+use crate::scene::{Air, Scene};
 use crate::trimesh::TriMesh;
 use glam::{DVec3, Vec3};
 
@@ -42,8 +43,9 @@ impl PathTracer {
         let meshes: Vec<_> = scene.surfaces.iter().map(|s| &s.mesh).collect();
         let colour = |rgb: [f64; 3]| DVec3::from_array(rgb).as_vec3();
         let bounces = plan.on(EffectName::SurfaceBounce);
+        let air = if plan.on(EffectName::Air) { scene.air } else { Air::default() };
         PathTracer {
-            bands: bands(scene, origin, scene.sun.shines().then(|| -scene.sun.direction.as_vec3())),
+            bands: bands(scene, &air, origin, scene.sun.shines().then(|| -scene.sun.direction.as_vec3())),
             surfaces: TriMesh::new(&meshes, origin),
             albedos: scene.surfaces.iter().map(|s| if bounces { colour(s.albedo) } else { Vec3::ZERO }).collect(),
             sun: Sunlight::new(&scene.sun, plan.on(EffectName::SunDisc)),
@@ -53,7 +55,7 @@ impl PathTracer {
     }
 
     /// What arrives along `ray` from its first `reach` metres, or from the sky behind; an unbiased estimate.
-    fn radiance(&self, band: &Band, mut ray: Ray, reach: f32, rng: &mut Rng, scratch: &mut Scratch) -> Arrival {
+    pub(super) fn radiance(&self, band: &Band, mut ray: Ray, reach: f32, rng: &mut Rng, scratch: &mut Scratch) -> Arrival {
         let mut arrival = Arrival::default();
         let (mut throughput, mut layer) = (band.mask, Layer::Environment);
         let (mut hint, mut reach) = (0.0, reach);
@@ -64,7 +66,18 @@ impl PathTracer {
             let flight = band.media.fly(&ray, reach, tau, hint, rng, scratch);
             let distance = if let Flight::Collision { distance, .. } = flight { distance } else { reach };
             let hit = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&ray, distance) };
-            if let Some(hit) = hit {
+            let in_air = if band.air.is_empty() { None } else { band.air.fly(&ray, hit.map_or(distance, |h| h.t), rng) };
+            if let Some((distance, air)) = in_air {
+                layer = layer.then(Layer::VolumeDirect);
+                arrival.event(distance);
+                arrival.collisions += 1;
+                throughput *= air.albedo;
+                ray.origin = ray.at(distance);
+                arrival.light[layer as usize] += throughput * self.sun.in_air(band, &self.surfaces, &ray, air, rng, scratch);
+                let (cos, sin) = air.scattering.sample(rng.uniform());
+                ray.direction = around(ray.direction, cos as f32, sin as f32, rng.uniform_f32());
+                (hint, share) = (0.0, 1.0);
+            } else if let Some(hit) = hit {
                 layer = layer.then(Layer::Surface);
                 arrival.event(hit.t);
                 let albedo = self.albedos[hit.owner as usize];
@@ -126,7 +139,9 @@ impl PathTracer {
         }
         let (albedo, g) = band.optics[region as usize];
         let there = Ray { origin: ray.at(distance), direction: ray.direction };
-        albedo * self.sun.in_medium(band, &self.surfaces, &there, (g, share), rng, scratch).0
+        // Air on the way turns some of the flights aside.
+        let clear = band.air.transmittance(&ray, distance) as f32;
+        albedo * clear * self.sun.in_medium(band, &self.surfaces, &there, (g, share), rng, scratch).0
     }
 }
 
@@ -145,7 +160,8 @@ impl Transport for PathTracer {
         let hit = self.surfaces.nearest(&view.ray, view.reach);
         let reach = hit.map_or(view.reach, |h| h.t);
         // The mean of the bands.
-        let depths = self.bands.iter().map(|band| band.media.optical_depth(&view.ray, reach, scratch));
+        let depths =
+            self.bands.iter().map(|band| band.media.optical_depth(&view.ray, reach, scratch) + band.air.optical_depth(&view.ray, reach));
         let sum = depths.fold(0.0, |sum, depth| sum + (-depth).exp());
         (sum / self.bands.len() as f64, hit.is_some())
     }

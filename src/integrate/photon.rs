@@ -201,7 +201,10 @@ pub(super) fn channels_of(scene: &Scene, model: Model) -> Vec<(Cow<'_, Scene>, V
     let grey = scene.sun.grey_irradiance();
     let tint = if grey > 0.0 { (DVec3::from_array(scene.sun.irradiance) / grey).as_vec3() } else { Vec3::ZERO };
     let same = |c: [f64; 3]| c[0] == c[1] && c[1] == c[2];
-    if scene.regions.iter().all(|r| r.medium.is_grey()) && (scene.surfaces.iter().all(|s| same(s.albedo)) || model == Model::Hura2006) {
+    if scene.regions.iter().all(|r| r.medium.is_grey())
+        && scene.air.is_grey()
+        && (scene.surfaces.iter().all(|s| same(s.albedo)) || model == Model::Hura2006)
+    {
         return vec![(Cow::Borrowed(scene), Vec3::ONE, tint)];
     }
     if model == Model::Hura2006 {
@@ -224,6 +227,7 @@ fn with(scene: &Scene, medium: &dyn Fn(&Medium) -> Medium, of: &dyn Fn([f64; 3])
         surfaces: scene.surfaces.iter().map(|s| Surface { albedo: of(s.albedo), ..s.clone() }).collect(),
         sun: Sun { irradiance: of(scene.sun.irradiance), ..scene.sun },
         sky: of(scene.sky),
+        air: scene.air.coloured(of),
         camera: scene.camera,
     }
 }

@@ -3,6 +3,7 @@
 use super::band::Band;
 use crate::geom::Ray;
 use crate::media::Scratch;
+use crate::media::air::Layer;
 use crate::rng::Rng;
 use crate::sampling::{around, uniform_disc};
 use crate::scene::Sun;
@@ -61,6 +62,15 @@ impl Sunlight {
         let isotropic = phase * (4.0 * std::f32::consts::PI);
         let clear = visible(band, surfaces, ray.origin, toward, isotropic, rng, scratch);
         (self.irradiance * (phase * clear as f32), clear)
+    }
+
+    /// The sunlight that air of albedo 1 at the ray's origin scatters back along the ray.
+    pub(super) fn in_air(&self, band: &Band, surfaces: &TriMesh, ray: &Ray, layer: &Layer, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
+        let Some((toward, weight)) = self.toward(rng) else { return Vec3::ZERO };
+        let phase = layer.scattering.value(one_minus_cos(ray.direction, toward)) as f32 * weight;
+        // What counts as usual is even scattering.
+        let clear = visible(band, surfaces, ray.origin, toward, 1.0, rng, scratch);
+        self.irradiance * (phase * clear as f32)
     }
 
     /// The sunlight that a white Lambertian surface sends out from `p` (radiance).
@@ -125,5 +135,6 @@ fn visible(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3, weight: f32, 
     if !surfaces.is_empty() && surfaces.nearest(&Ray { origin: p, direction: toward }, f32::INFINITY).is_some() {
         return 0.0;
     }
-    band.media.sunlight(p, toward, weight, rng, scratch)
+    let air = band.air.transmittance(&Ray { origin: p, direction: toward }, f32::INFINITY);
+    air * band.media.sunlight(p, toward, weight, rng, scratch)
 }

@@ -49,6 +49,13 @@ impl Profile {
         s.from + (s.to - s.from) * share as f32
     }
 
+    /// The optical depth from the start up to a distance.
+    pub fn until(&self, distance: f32) -> f64 {
+        let Some(s) = self.steps[..self.steps.partition_point(|s| s.from < distance)].last() else { return 0.0 };
+        let share = ((f64::from(distance) - f64::from(s.from)) / (f64::from(s.to) - f64::from(s.from))).min(1.0);
+        s.before + (s.after - s.before) * share
+    }
+
     /// A region at a distance, with a chance in proportion to its extinction there; `pick` in [0, 1).
     pub fn region(&self, distance: f32, pick: impl FnOnce() -> f64) -> u32 {
         let here = |p: &&Piece| p.from <= distance && distance <= p.to;

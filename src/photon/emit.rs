@@ -21,9 +21,9 @@ const BLOCK: i32 = 4;
 /// Starts photons.
 #[derive(Debug, Clone)]
 pub struct Emitter {
-    axis: Vec3,
-    sin_alpha: f32,
-    irradiance: f64,
+    pub(super) axis: Vec3,
+    pub(super) sin_alpha: f32,
+    pub(super) irradiance: f64,
     pub(super) target: Target,
 }
 
@@ -84,6 +84,8 @@ pub struct Start {
     pub counted: bool,
     /// Whether it is not sunlight on its first flight.
     pub scattered: bool,
+    /// Whether it is light of the air ([`super::air`]).
+    pub from_air: bool,
 }
 
 impl Emitter {
@@ -128,7 +130,7 @@ impl Emitter {
             Target::Tile { min, size, top } => {
                 let p = *min + *size * Vec2::new(rng.uniform_f32(), rng.uniform_f32());
                 let power = self.irradiance * f64::from(size.x) * f64::from(size.y) * f64::from(-direction.z).max(0.0);
-                Start { ray: Ray { origin: p.extend(*top), direction }, power, counted: true, scattered: false }
+                Start { ray: Ray { origin: p.extend(*top), direction }, power, counted: true, scattered: false, from_air: false }
             }
             Target::Silhouette(s) => s.emit(rng, direction, self.irradiance, surfaces, along),
         }
@@ -157,7 +159,7 @@ impl Silhouette {
         if self.shaded && aside.is_none() && surfaces.nearest(&Ray { origin, direction: -direction }, f32::INFINITY).is_some() {
             origin = plane - direction * self.far;
         }
-        Start { ray: Ray { origin, direction }, power: irradiance * area, counted: aside.is_none(), scattered: false }
+        Start { ray: Ray { origin, direction }, power: irradiance * area, counted: aside.is_none(), scattered: false, from_air: false }
     }
 
     /// The mask's area over the share of photons that start over it, m^2.

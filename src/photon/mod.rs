@@ -1,6 +1,7 @@
 //! Pass 1 of the thesis (3.3.1): photons leave the sun, scatter in the regions and off surfaces, and are stored.
 
 mod aim;
+mod air;
 pub mod emit;
 pub mod map;
 pub mod nearest;

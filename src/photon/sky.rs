@@ -55,6 +55,6 @@ impl Sky {
         // Beyond all surfaces nothing sends light back.
         let power = if p.length() > self.far { 0.0 } else { self.radiance * 4.0 * PI / pdf };
         let origin = u * p.x + v * p.y - direction * self.far;
-        Start { ray: Ray { origin, direction }, power, counted: false, scattered: true }
+        Start { ray: Ray { origin, direction }, power, counted: false, scattered: true, from_air: false }
     }
 }

@@ -1,5 +1,6 @@
 //! Tracing photons: through overlapping regions in closed form, off Lambertian surfaces, until the map is full.
 
+use super::air::AirLight;
 use super::emit::{Emitter, Start};
 use super::map::PhotonMap;
 use super::rules::{Hura2006, Physical, Rules};
@@ -8,12 +9,15 @@ use super::witness::{Store, Witness};
 use super::{Model, Photon};
 use crate::error::{Error, Result};
 use crate::geom::{Bounds, Ray, Tile};
-use crate::media::{Flight, Media, Scratch};
+use crate::media::{
+    Flight, Media, Scratch,
+    air::{Atmosphere, Layer},
+};
 use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
 use crate::sampling::{around, cosine_hemisphere};
-use crate::scene::{Region, Scene, Shape, medium::luminance};
+use crate::scene::{Air, Region, Scene, Shape, medium::luminance};
 use crate::stats::{Estimate, Ratios};
 use crate::trimesh::{Hit, TriMesh};
 use glam::{DVec3, Vec3};
@@ -102,11 +106,14 @@ struct Batch {
 /// Traces the photons of a scene.
 #[derive(Debug, Clone)]
 pub struct Tracer {
-    media: Media,
-    surfaces: TriMesh,
-    albedos: Vec<f64>,
+    pub(super) media: Media,
+    pub(super) air: Atmosphere,
+    air_light: Option<AirLight>,
+    pub(super) surfaces: TriMesh,
+    pub(super) albedos: Vec<f64>,
     pub(super) emitter: Emitter,
     sky: Option<Sky>,
+    pub(super) sky_radiance: f64,
     model: Model,
     stage: Stage,
     absorption: bool,
@@ -131,10 +138,13 @@ impl Tracer {
         let tile = |shape: &Shape| (shape.is_endless() && !alone).then(|| local(shape.bounds()));
         Tracer {
             media: Media::new(&scene.regions, origin),
+            air: Atmosphere::default(),
+            air_light: None,
             surfaces: TriMesh::new(&meshes, origin),
             albedos: scene.surfaces.iter().map(|s| if bounces { luminance(s.albedo).clamp(0.0, 1.0) } else { 0.0 }).collect(),
             emitter: Emitter::new(scene, origin, plan.on(EffectName::SunDisc), bounces),
             sky: Sky::of(scene, origin, bounces),
+            sky_radiance: luminance(scene.sky),
             model,
             stage: Stage::Photons,
             absorption: plan.on(EffectName::Absorption),
@@ -148,6 +158,14 @@ impl Tracer {
     /// The tracer of pass 2's own photons: random numbers that pass 1 has not used.
     pub fn of_second_pass(self) -> Self {
         Tracer { stage: Stage::Gather, ..self }
+    }
+
+    /// The tracer of photons that fly through air as well, and come from it. Its extinction is the luminance of its coefficients.
+    pub fn through(self, air: &Air) -> Self {
+        let air = Atmosphere::new(&air.coloured(|rgb| [luminance(rgb); 3]), self.origin);
+        let tracer = Tracer { air, ..self };
+        let air_light = if tracer.air.is_empty() { None } else { AirLight::of(&tracer) };
+        Tracer { air_light, ..tracer }
     }
 
     /// The tile, relative to the scene's origin, that photons of a scene without end are kept in.
@@ -242,7 +260,7 @@ impl Tracer {
                 (((item - of.start) * BATCH_PATHS + path) as f64 + rng.uniform()) / paths
             };
             let along = sample.map(along);
-            let start = self.start(&mut rng, along);
+            let start = self.start(&mut rng, along, &mut scratch);
             batch.power += if start.counted { start.power } else { 0.0 };
             match self.model {
                 Model::Physical => self.path::<Physical, W>(start, &mut rng, &mut batch, &mut scratch, wanted, witness, progress),
@@ -270,7 +288,8 @@ impl Tracer {
     ) {
         let mut left: SmallVec<[Branch; 8]> = SmallVec::new();
         if start.power > 0.0 {
-            left.push(Branch { ray: start.ray, power: start.power, counted: start.counted, bounced: start.scattered });
+            let Start { ray, power, counted, scattered, from_air } = start;
+            left.push(Branch { ray, power, counted, bounced: scattered, met: false, from_air });
         }
         while let Some(branch) = left.pop() {
             self.branch::<R, W>(branch, rng, batch, scratch, &mut left, wanted, witness, progress);
@@ -299,8 +318,23 @@ impl Tracer {
             let flight = self.media.fly(&at.ray, f32::INFINITY, tau, hint, rng, scratch);
             let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
             let hit = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&at.ray, reach) };
-            witness.flight(&at.ray, hit.as_ref().map_or(reach, |h| h.t), at.power * share, collisions + u64::from(at.bounced), rng);
+            let reach = hit.as_ref().map_or(reach, |h| h.t);
+            let in_air = if self.air.is_empty() { None } else { self.air.fly(&at.ray, reach, rng) };
+            let reach = in_air.map_or(reach, |(distance, _)| distance);
+            witness.flight(&at.ray, reach, at.power * share, collisions + u64::from(at.bounced), rng);
+            if let Some((distance, layer)) = in_air {
+                match at.in_air(distance, layer, rng) {
+                    Some(next) => at = next,
+                    None => return batch.end(Fate::Escaped, &at),
+                }
+                (hint, share) = (0.0, 1.0);
+                continue;
+            }
             if let Some(hit) = hit {
+                let outside = |light: AirLight| !light.holds(at.ray.at(hit.t));
+                if at.from_air && !at.met && self.air_light.is_some_and(outside) {
+                    return batch.end(Fate::Escaped, &at);
+                }
                 match self.bounce(&at, &hit, rng, batch, left) {
                     Some(next) => at = next,
                     None => return,
@@ -315,6 +349,7 @@ impl Tracer {
             let p = at.ray.at(distance);
             let p = self.wrap.map_or(p, |tile| tile.wrapped(p));
             collisions += 1;
+            at.met = true;
             batch.collisions += 1;
             // Light that a surface happened to send to a region begins to count there.
             if !at.counted {
@@ -357,7 +392,8 @@ impl Tracer {
     fn reach(&self, ray: &Ray, hint: f64, rng: &mut Rng, scratch: &mut Scratch) -> f32 {
         let flight = self.media.fly(ray, f32::INFINITY, rng.optical_depth(), hint, rng, scratch);
         let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
-        if self.surfaces.is_empty() { reach } else { self.surfaces.nearest(ray, reach).map_or(reach, |h| h.t) }
+        let reach = if self.surfaces.is_empty() { reach } else { self.surfaces.nearest(ray, reach).map_or(reach, |h| h.t) };
+        if self.air.is_empty() { reach } else { self.air.fly(ray, reach, rng).map_or(reach, |(distance, _)| distance) }
     }
 
     /// A Lambertian bounce (thesis eq. 26). What goes toward the regions is a branch of its own, sampled over the cone of
@@ -387,7 +423,7 @@ impl Tracer {
                 if !at.counted {
                     batch.power += kept;
                 }
-                left.push(Branch { ray: Ray { origin, direction }, power: kept, counted: true, bounced: true });
+                left.push(Branch { ray: Ray { origin, direction }, power: kept, counted: true, bounced: true, ..*at });
             }
         }
         if rng.uniform() >= albedo {
@@ -419,8 +455,24 @@ struct Branch {
     power: f64,
     /// Whether its power is in the energy balance: it crossed the silhouette, or a surface sent it toward the regions.
     counted: bool,
-    /// Whether a surface has reflected it, or it comes from the sky: it is not the sun's any more.
+    /// Whether a surface has reflected it, or it comes from the sky or from air: it is not the sun's any more.
     bounced: bool,
+    /// Whether it has collided with a region.
+    met: bool,
+    /// Whether it is light of the air.
+    from_air: bool,
+}
+
+impl Branch {
+    /// How it goes on after a collision with air, if it does: before it has met a region, the light of the air stands for it.
+    fn in_air(&self, distance: f32, layer: &Layer, rng: &mut Rng) -> Option<Branch> {
+        if !self.met || rng.uniform_f32() >= layer.albedo.x {
+            return None;
+        }
+        let (cos, sin) = layer.scattering.sample(rng.uniform());
+        let direction = around(self.ray.direction, cos as f32, sin as f32, rng.uniform_f32());
+        Some(Branch { ray: Ray { origin: self.ray.at(distance), direction }, bounced: true, ..*self })
+    }
 }
 
 impl Batch {

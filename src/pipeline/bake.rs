@@ -8,7 +8,8 @@ use crate::export::vdb::Voxels;
 use crate::integrate::{SourceFunction, SourceSettings};
 use crate::plan::{Density, Plan};
 use crate::progress::Progress;
-use crate::scene::{Framed, Scene};
+use crate::scene::{Air, Framed, Scene};
+use std::borrow::Cow;
 
 /// What is baked, and how large the file may be.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -17,6 +18,15 @@ pub struct Baking {
     pub light: Option<Bake>,
     /// The most that the VDB may have, bytes.
     pub most_bytes: Option<u64>,
+}
+
+/// The scene that a bake is of: without air, which Blender's volume is not in either.
+pub(super) fn without_air<'a>(job: &Job, scene: &'a Scene, notes: &mut Vec<String>) -> Cow<'a, Scene> {
+    if scene.air.is_empty() || job.bake.light.is_none() {
+        return Cow::Borrowed(scene);
+    }
+    notes.push("the light is baked as without the atmosphere: in Blender, add air of your own (a volume around the scene)".into());
+    Cow::Owned(Scene { air: Air::default(), ..scene.clone() })
 }
 
 /// Follows the light of a scene with the run's regions.

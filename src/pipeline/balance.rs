@@ -61,6 +61,9 @@ pub fn balance(job: &BalanceJob, progress: &dyn Progress) -> Result<Balance> {
         scene.scene.regions = pass1.synthesis.regions;
     }
     let plan = Plan::for_scene(&scene.scene, Density::Source);
+    if !scene.scene.air.is_empty() {
+        scene.notes.push("the balance is that of regions and surfaces alone: the atmosphere is left out".into());
+    }
     let flux = flux::flux(&scene.scene, &plan, job.photons, job.seed, progress).map_err(named)?;
     Ok(Balance { flux, input: job.input.clone(), notes: scene.notes, seconds: begun.elapsed().as_secs_f64() })
 }

@@ -72,6 +72,9 @@ impl Picture {
     pub(super) fn note(&self, scene: &Scene, model: Model) -> Option<String> {
         match self.integrator {
             None => gridless(&scene.regions, model).map(|reason| format!("the picture is by --integrator path, as {reason}")),
+            Some(Integrator::Photon) if !scene.air.is_empty() => {
+                Some("the atmosphere is not in the picture: --integrator photon knows none; grid and path do".into())
+            }
             Some(Integrator::Photon) if scene.sky.iter().any(|&c| c > 0.0) => Some(
                 "the sky is seen, and lights surfaces, but stored photons come from the sun alone: its light is not scattered in regions; --integrator path scatters it".into(),
             ),
@@ -97,6 +100,7 @@ pub fn lit<'a>(scene: &'a Scene, written: &[Region], density: Density) -> Cow<'a
             surfaces: scene.surfaces.clone(),
             sun: scene.sun,
             sky: scene.sky,
+            air: scene.air,
             camera: scene.camera,
         }),
     }

@@ -3,6 +3,7 @@
 //! Everything here is a description in world space: right-handed, Z up, metres, `f64`. The hot loops work on
 //! [`Media`](crate::media::Media) and [`TriMesh`](crate::trimesh::TriMesh), compiled from it, recentred and in `f32`.
 
+pub mod air;
 pub mod camera;
 pub mod density;
 pub mod light;
@@ -15,6 +16,7 @@ pub mod surface;
 pub mod view;
 pub mod voxels;
 
+pub use air::Air;
 pub use camera::Camera;
 pub use density::BrickGrid;
 pub use light::Sun;
@@ -39,6 +41,8 @@ pub struct Scene {
     pub sun: Sun,
     /// The sky's radiance, the same from all directions, W m^-2 sr^-1, RGB.
     pub sky: [f64; 3],
+    /// The air around regions and surfaces.
+    pub air: Air,
     /// The camera, where the file has one.
     pub camera: Option<Camera>,
 }

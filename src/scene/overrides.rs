@@ -1,6 +1,6 @@
 //! What a user says about media, light and repetition beside a file: it overrides what the file says.
 
-use super::{Medium, Region, Scene, Shape};
+use super::{Air, Medium, Region, Scene, Shape};
 use crate::error::{Error, Result};
 use glam::DVec3;
 use std::sync::Arc;
@@ -23,6 +23,8 @@ pub struct Overrides {
     pub irradiance: Option<[f64; 3]>,
     /// The sky's radiance, W m^-2 sr^-1, RGB, not below 0.
     pub sky: Option<[f64; 3]>,
+    /// The air.
+    pub air: Option<Air>,
     /// Whether grids are repeated along x and y without end.
     pub periodic: bool,
 }
@@ -50,6 +52,7 @@ impl Overrides {
         scene.sun.angular_diameter = self.sun_angle.unwrap_or(scene.sun.angular_diameter);
         scene.sun.irradiance = self.irradiance.unwrap_or(scene.sun.irradiance);
         scene.sky = self.sky.unwrap_or(scene.sky);
+        scene.air = self.air.unwrap_or(scene.air);
         Ok(())
     }
 

@@ -8,12 +8,13 @@ A scene is a dict in Blender's frame and in metres:
      "place": 4 x 4, laid on the grid by the file's transform, or None,
      "sun": {"direction", "irradiance", "angle"}, "sky": radiance,
      "ground": {"z", "albedo", "half_size"} or None,
+     "haze": {"sigma", "albedo", "g", "base", "top", "half_size"} or None,     even air; ours knows no half size
      "camera": {"position", "look_at", "fov_x"}, "width", "height"}
 
 Every renderer gives radiance, height x width x 3, row 0 at the top. What to know about them:
 
 * Cycles 4.5 has no bias in homogeneous volumes; grids it marches (1 to 2 % low where a cloud is dense). 5.2 has none.
-* Mitsuba has no overlapping media and no sun's disc: its sun is a point, so shadows have no penumbra.
+* Mitsuba has no overlapping media (balls in haze are of its albedo and g, and as dense as both) and no sun's disc: its sun is a point, so shadows have no penumbra.
 """
 import dataclasses
 import importlib.util
@@ -113,8 +114,18 @@ if s["ground"]:
     g = s["ground"]
     parts["ground"] = {"type": "rectangle", "to_world": T().translate([0, 0, g["z"]]).scale(g["half_size"]),
                        "bsdf": {"type": "diffuse", "reflectance": colour(g["albedo"])}}
+haze, around = s.get("haze"), {}
+if haze:
+    parts["air"] = medium(haze, haze["sigma"])
+    low, high = haze["base"], haze["top"]
+    size = T().translate([0, 0, (low + high) / 2]).scale([haze["half_size"], haze["half_size"], (high - low) / 2])
+    parts["haze"] = {"type": "cube", "to_world": size, "bsdf": {"type": "null"}, "interior": {"type": "ref", "id": "air"}}
+    around = {"exterior": {"type": "ref", "id": "air"}}
+    parts["sensor"]["medium"] = {"type": "ref", "id": "air"}
 for i, b in enumerate(s.get("balls") or ()):
-    parts[f"ball{i}"] = {"type": "sphere", "center": b["centre"], "radius": b["radius"], "bsdf": {"type": "null"}, "interior": medium(b, b["sigma"])}
+    assert not haze or (haze["albedo"], haze["g"]) == (b["albedo"], b["g"])
+    inside = medium(b, b["sigma"] + (haze["sigma"] if haze else 0.0))
+    parts[f"ball{i}"] = {"type": "sphere", "center": b["centre"], "radius": b["radius"], "bsdf": {"type": "null"}, "interior": inside, **around}
 if s.get("vdb"):
     values, h = np.load(given["values"]), s["voxel"]
     low, size = np.array(s["origin"]) - h / 2, np.array(values.shape) * h
@@ -184,12 +195,15 @@ def flags(scene):
     out = ["--sun", numbers(sun["direction"]), "--irradiance", sun["irradiance"], "--sun-angle", sun["angle"],
            "--sky", scene["sky"], "--camera", numbers(eye["position"]), "--look-at", numbers(eye["look_at"]),
            "--fov", math.degrees(eye["fov_x"]), "--size", f"{scene['width']}x{scene['height']}"]
+    if scene.get("haze"):
+        air = scene["haze"]
+        out += ["--atmosphere", f"haze:sigma_t={air['sigma']},albedo={air['albedo']},g={air['g']},base={air['base']},top={air['top']}"]
     if scene.get("vdb") and not scene.get("balls"):
         out += ["--sigma-t", scene["sigma"], "--albedo", scene["albedo"], "-g", scene["g"]]
     return [f"{a}" for a in out]
 
 
-def cloudvdb(scene, folder, samples, seeds=1, timeout=3000, threads=2):
+def cloudvdb(scene, folder, samples, seeds=1, timeout=3000, threads=2, integrator="path", more=()):
     """Pictures by the command under test, with the standard errors that it states."""
     seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
     folder = pathlib.Path(folder)
@@ -198,8 +212,8 @@ def cloudvdb(scene, folder, samples, seeds=1, timeout=3000, threads=2):
     images, errors, seconds, layers = [], [], [], None
     for seed in seeds:
         target = folder / f"ours_{seed}.exr"
-        ran = command.succeed(source, "-o", target, "--overwrite", "--density", "source", "--integrator", "path",
-                              "--spp", samples, "--seed", seed, "--threads", threads, "-q", *flags(scene), timeout=timeout)
+        ran = command.succeed(source, "-o", target, "--overwrite", "--density", "source", "--integrator", integrator,
+                              "--spp", samples, "--seed", seed, "--threads", threads, "-q", *more, *flags(scene), timeout=timeout)
         seconds.append(ran.seconds)
         layers = read_exr(target)
         images.append(layers["Combined"])

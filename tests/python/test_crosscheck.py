@@ -162,6 +162,22 @@ def test_balls_as_cycles_has_them(cloudvdb, tmp_path, name):
     agrees(stated(ours), Picture.from_seeds(peers.cycles(BALLS[name], samples=512, seeds=12).images), name)
 
 
+HAZE = {"sigma": 0.12, "albedo": 0.95, "g": 0.6, "base": -1.0, "top": 2.0, "half_size": 100.0}
+BEAMS = described(balls=[ball((-0.6, 0.2, 1.0), 0.6, 9.0, 0.95, 0.6), ball((0.8, 0.4, 1.1), 0.5, 9.0, 0.95, 0.6)], haze=HAZE,
+                  sun={"direction": (0.2, -0.75, -0.6), **POINT}, ground=GROUND)
+
+
+def test_beams_in_haze_as_mitsuba_has_them(cloudvdb, tmp_path, mitsuba):
+    """Shadows of balls in a layer of haze above a ground, against the sun."""
+    ours = peers.cloudvdb(BEAMS, tmp_path, samples=8192, seeds=[26])
+    agrees(stated(ours), Picture.from_seeds(peers.mitsuba(BEAMS, samples=512, seeds=12).images), "beams, Mitsuba", mean=0.006)
+
+
+def test_beams_in_haze_as_cycles_has_them(cloudvdb, tmp_path):
+    ours = peers.cloudvdb(BEAMS, tmp_path, samples=8192, seeds=[27])
+    agrees(stated(ours), Picture.from_seeds(peers.cycles(BEAMS, samples=256, seeds=12).images), "beams, Cycles", mean=0.006)
+
+
 @pytest.mark.parametrize("name", ["cumulus above a ground", "cumulus above a ground, sky"])
 def test_cumulus_above_a_ground(cloudvdb, folder, cumulus48, mitsuba, name):
     scene = {**cumulus48, "sun": {**cumulus48["sun"], **POINT}, "sky": 0.3 if "sky" in name else 0.0,

@@ -2,6 +2,7 @@
 //!
 //! `cargo test --release --lib grid::tests -- --nocapture` prints every figure with its error.
 
+mod air;
 mod fit;
 
 use super::*;

@@ -2,6 +2,8 @@
 
 use super::{BATCH_PATHS, Start, Tracer};
 use crate::error::Result;
+use crate::geom::Ray;
+use crate::media::Scratch;
 use crate::photon::Witness;
 use crate::progress::Progress;
 use crate::rng::Rng;
@@ -27,27 +29,40 @@ impl Tracer {
 
     /// About the most power that a path starts with, before it is divided by their number, W.
     pub fn strongest(&self) -> f64 {
-        let share = self.share_of_sky();
-        let sun = if share < 1.0 { self.emitter.base_power() / (1.0 - share) } else { 0.0 };
-        sun.max(self.sky.map_or(0.0, |sky| sky.power() / share))
+        let (sky, air) = (self.share_of_sky(), self.share_of_air());
+        let sun = if sky < 1.0 { self.emitter.base_power() / ((1.0 - sky) * (1.0 - air)) } else { 0.0 };
+        let sky = self.sky.map_or(0.0, |light| light.power() / (sky * (1.0 - air)));
+        sun.max(sky).max(self.air_light.map_or(0.0, |light| light.power / air))
     }
 
-    /// The share of paths of [`Tracer::follow`] that start in the sky.
+    /// The share of paths of [`Tracer::follow`] that start in air.
+    fn share_of_air(&self) -> f64 {
+        let Some(light) = self.air_light else { return 0.0 };
+        let other = self.emitter.base_power() + self.sky.map_or(0.0, |sky| sky.power());
+        (light.power / (light.power + other)).clamp(0.1, 0.8)
+    }
+
+    /// The share of the others that start in the sky.
     fn share_of_sky(&self) -> f64 {
         let Some(sky) = &self.sky else { return 0.0 };
         let sun = self.emitter.base_power();
         if sun > 0.0 { (sky.power() / (sky.power() + sun)).clamp(0.2, 0.8) } else { 1.0 }
     }
 
-    /// Starts a path; in the sky too where it is one of a sample.
-    pub(super) fn start(&self, rng: &mut Rng, along: Option<f64>) -> Start {
-        let share = if along.is_some() { self.share_of_sky() } else { 0.0 };
-        if let Some(sky) = self.sky.filter(|_| share > 0.0 && rng.uniform() < share) {
-            let start = sky.emit(rng);
-            return Start { power: start.power / share, ..start };
+    /// Starts a path; in the sky and in air too where it is one of a sample.
+    pub(super) fn start(&self, rng: &mut Rng, along: Option<f64>, scratch: &mut Scratch) -> Start {
+        let shares = if along.is_some() { (self.share_of_sky(), self.share_of_air()) } else { (0.0, 0.0) };
+        if let Some(light) = self.air_light.filter(|_| shares.1 > 0.0 && rng.uniform() < shares.1) {
+            let start = light.emit(self, rng, scratch);
+            return Start { power: start.power / shares.1, ..start };
         }
-        let start = self.emitter.emit(rng, &self.surfaces, along);
-        Start { power: start.power / (1.0 - share), ..start }
+        let (start, share) = match self.sky.filter(|_| shares.0 > 0.0 && rng.uniform() < shares.0) {
+            Some(sky) => (sky.emit(rng), shares.0),
+            None => (self.emitter.emit(rng, &self.surfaces, along), 1.0 - shares.0),
+        };
+        let upstream = Ray { direction: -start.ray.direction, ..start.ray };
+        let clear = self.air.transmittance(&upstream, f32::INFINITY);
+        Start { power: start.power * clear / (share * (1.0 - shares.1)), ..start }
     }
 
     /// The area, across the sunlight, over which photons start, m^2.

@@ -170,6 +170,12 @@ def stage(described):
         volume = _volume(thing.data)
         thing.scale = (ball["radius"] * (4 / 3 * math.pi / volume) ** (1 / 3),) * 3
         principled(thing, ball["sigma"], ball["albedo"], anisotropy=ball["g"])
+    if described.get("haze"):
+        haze = described["haze"]
+        bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0, 0, (haze["base"] + haze["top"]) / 2))
+        thing = bpy.context.object
+        thing.scale = (2 * haze["half_size"], 2 * haze["half_size"], haze["top"] - haze["base"])
+        principled(thing, haze["sigma"], haze["albedo"], anisotropy=haze["g"])
     if described.get("vdb"):
         place(described["vdb"], described["voxel"], described["sigma"], described["albedo"], described["g"],
               described.get("place"))

@@ -1,0 +1,79 @@
+//! Air along camera rays: sunlight that it scatters, in the shadows of clouds and out of them (sunbeams); and what else it sends.
+
+use super::field::Groups;
+use super::{Channel, Room};
+use crate::geom::Ray;
+use crate::integrate::path::PathTracer;
+use crate::media::air::Layer;
+use crate::rng::Rng;
+use crate::sampling::around;
+use glam::Vec3;
+
+/// Looks at the sun in each layer, along a camera ray and along the others.
+const LOOKS: u32 = 4;
+const FEW: u32 = 1;
+
+/// What air sends along a stretch of a ray.
+#[derive(Debug, Default)]
+pub(super) struct Sent {
+    /// Sunlight that scattered once.
+    pub direct: Vec3,
+    /// All else.
+    pub indirect: Vec3,
+    /// What of it each group of paths that were followed beforehand has brought.
+    pub groups: Groups,
+    /// Looks at the sun.
+    pub looks: u64,
+}
+
+impl Channel {
+    /// What air sends along the first `reach` metres of a ray, of whose regions the room holds the profile. In each layer, points are
+    /// spread evenly over the chance of a collision in that layer alone. Light that comes from elsewhere than the sun is looked up along
+    /// camera rays; along others it is followed, from one of the points.
+    pub(super) fn air(&self, ray: &Ray, reach: f32, first: bool, rng: &mut Rng, room: &mut Room) -> Sent {
+        let (tracer, band) = (&self.tracer, &self.tracer.bands[0]);
+        let mut sent = Sent::default();
+        let looks = if first { LOOKS } else { FEW };
+        let (mut whole, mut chosen) = (0.0f32, None);
+        for (number, layer) in band.air.layers().iter().enumerate() {
+            let chance = -(-layer.optical_depth(ray, reach)).exp_m1();
+            if chance <= 0.0 {
+                continue;
+            }
+            for i in 0..looks {
+                let tau = -(-(f64::from(i) + rng.uniform()) / f64::from(looks) * chance).ln_1p();
+                let Some(distance) = layer.distance(ray, reach, tau) else { continue };
+                let before = |(n, other): (usize, &Layer)| if n == number { 0.0 } else { other.optical_depth(ray, distance) };
+                let others: f64 = band.air.layers().iter().enumerate().map(before).sum();
+                let clear = (-others - room.profile.until(distance)).exp();
+                let weight = layer.albedo.x * (chance / f64::from(looks) * clear) as f32;
+                let here = Ray { origin: ray.at(distance), direction: ray.direction };
+                sent.direct += weight * tracer.sun.in_air(band, &tracer.surfaces, &here, layer, rng, &mut room.scratch);
+                sent.looks += 1;
+                if let Some(glow) = self.glow.as_ref().filter(|_| first) {
+                    glow.sent(ray, distance, number, weight, &mut sent.groups);
+                } else {
+                    // A reservoir of one: each point is kept in proportion to its weight.
+                    whole += weight;
+                    if rng.uniform_f32() * whole < weight {
+                        chosen = Some((here, layer));
+                    }
+                }
+            }
+        }
+        sent.indirect = self.tint * sent.groups.iter().sum::<f32>();
+        // What follows plays roulette, with the chance of the light that it stands for.
+        let kept = whole.min(1.0);
+        if let Some((here, layer)) = chosen.filter(|_| rng.uniform_f32() < kept) {
+            sent.indirect += whole / kept * onward(tracer, &here, layer, rng, room);
+        }
+        sent
+    }
+}
+
+/// What a layer sends back along a ray from its origin, sunlight that scattered once apart, with albedo 1.
+fn onward(tracer: &PathTracer, here: &Ray, layer: &Layer, rng: &mut Rng, room: &mut Room) -> Vec3 {
+    let (cos, sin) = layer.scattering.sample(rng.uniform());
+    let ray = Ray { origin: here.origin, direction: around(here.direction, cos as f32, sin as f32, rng.uniform_f32()) };
+    tracer.radiance(&tracer.bands[0], ray, f32::INFINITY, rng, &mut room.scratch).light.iter().sum()
+}

@@ -1,0 +1,143 @@
+//! What air sends toward the camera besides sunlight that scattered once: light of clouds, of the ground, of the sky, of other air. It is
+//! smooth, so it is followed by paths from few places in the camera's view, and looked up between them.
+
+use super::field::Groups;
+use crate::error::Result;
+use crate::geom::Ray;
+use crate::integrate::lens::Lens;
+use crate::integrate::path::PathTracer;
+use crate::media::Scratch;
+use crate::media::air::Layer;
+use crate::photon::GROUPS;
+use crate::progress::Progress;
+use crate::rng::{Rng, Stage};
+use crate::sampling::around;
+use crate::scene::{air::MOST_LAYERS, medium::luminance};
+use glam::{UVec3, Vec3};
+use rayon::prelude::*;
+
+/// Places along the picture's longer side, and along each ray; their distances grow by a factor.
+const ACROSS: f32 = 28.0;
+const ALONG: u32 = 20;
+/// The nearest, over the scene's size, and the farthest, in mean free paths and over the scene's size.
+const NEAREST: f32 = 0.02;
+const FARTHEST: (f64, [f32; 2]) = (4.0, [1.0, 200.0]);
+/// Photons for which one path is followed.
+const PHOTONS_A_PATH: u64 = 4;
+
+/// Light at places in the camera's view.
+#[derive(Debug)]
+pub(super) struct Glow {
+    lens: Lens,
+    pixels: [f32; 2],
+    size: UVec3,
+    nearest: f32,
+    /// By how much the logarithm of the distance grows from place to place.
+    step: f32,
+    seed: u64,
+    /// Paths of each group, place and layer so far.
+    paths: u64,
+    /// Of each place and layer: radiance (its luminance) by groups, as a sum over their paths, W m^-2 sr^-1; none where surfaces hide it.
+    light: Vec<Option<[Groups; MOST_LAYERS]>>,
+}
+
+impl Glow {
+    /// Places for a camera and a scene of some size, which are dark yet.
+    pub(super) fn new(tracer: &PathTracer, lens: Lens, [width, height]: [u32; 2], size: f32, seed: u64) -> Self {
+        let pixels = [width as f32, height as f32];
+        let apart = pixels[0].max(pixels[1]) / ACROSS;
+        let count = |pixels: f32| (pixels / apart).ceil().max(1.0) as u32 + 1;
+        let air = &tracer.bands[0].air;
+        let densest: f64 = air.layers().iter().map(Layer::densest).sum();
+        let farthest = ((FARTHEST.0 / densest) as f32).clamp(size * FARTHEST.1[0], size * FARTHEST.1[1]);
+        let nearest = (size * NEAREST).min(farthest * 0.5);
+        let size = UVec3::new(count(pixels[0]), count(pixels[1]), ALONG);
+        let step = (farthest / nearest).ln() / (ALONG - 1) as f32;
+        let light = vec![None; size.element_product() as usize];
+        Glow { lens, pixels, size, nearest, step, seed, paths: 0, light }
+    }
+
+    /// Follows paths until there have been as many as `photons` are worth.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub(super) fn brighten(&mut self, tracer: &PathTracer, photons: u64, progress: &dyn Progress) -> Result<()> {
+        let places = self.light.len() as u64;
+        let wanted = (photons / (PHOTONS_A_PATH * places * GROUPS as u64)).max(1);
+        progress.begin("air", places);
+        let more = self.paths..wanted;
+        let found: Vec<_> = (0..places)
+            .into_par_iter()
+            .map_init(Scratch::default, |scratch, place| {
+                let mut sum = self.light[place as usize];
+                if !progress.cancelled() && !more.is_empty() {
+                    // So many streams for each place as there may ever be paths.
+                    let mut rng = Rng::new(self.seed, Stage::Air, place << 32 | more.start);
+                    if let Some(found) = self.follow(tracer, place as u32, more.end - more.start, &mut rng, scratch) {
+                        let sum = sum.get_or_insert([[0.0; GROUPS]; MOST_LAYERS]);
+                        sum.as_flattened_mut().iter_mut().zip(found.as_flattened()).for_each(|(s, f)| *s += f);
+                    }
+                }
+                sum
+            })
+            .collect();
+        progress.check()?;
+        (self.light, self.paths) = (found, self.paths.max(wanted));
+        Ok(())
+    }
+
+    /// The light at one place, by layers and groups, of some paths each.
+    fn follow(&self, tracer: &PathTracer, place: u32, paths: u64, rng: &mut Rng, scratch: &mut Scratch) -> Option<[Groups; MOST_LAYERS]> {
+        let at = UVec3::new(place % self.size.x, place / self.size.x % self.size.y, place / (self.size.x * self.size.y));
+        let share = |at: u32, size: u32| at as f32 / (size - 1) as f32;
+        let view = self.lens.view(self.pixels[0] * share(at.x, self.size.x), self.pixels[1] * share(at.y, self.size.y)).ray;
+        let distance = self.nearest * (self.step * at.z as f32).exp();
+        if !tracer.surfaces.is_empty() && tracer.surfaces.nearest(&view, distance).is_some() {
+            return None;
+        }
+        let band = &tracer.bands[0];
+        let mut out = [[0.0; GROUPS]; MOST_LAYERS];
+        for (layer, sums) in band.air.layers().iter().zip(&mut out) {
+            for sum in sums {
+                for _ in 0..paths {
+                    let (cos, sin) = layer.scattering.sample(rng.uniform());
+                    let direction = around(view.direction, cos as f32, sin as f32, rng.uniform_f32());
+                    let ray = Ray { origin: view.at(distance), direction };
+                    let light: Vec3 = tracer.radiance(band, ray, f32::INFINITY, rng, scratch).light.iter().sum();
+                    *sum += luminance(light.as_dvec3().to_array()) as f32;
+                }
+            }
+        }
+        Some(out)
+    }
+
+    /// Adds `share` of the light that a layer sends back along a camera ray from a distance, per unit of optical depth and of albedo,
+    /// by groups.
+    pub(super) fn sent(&self, ray: &Ray, distance: f32, layer: usize, share: f32, into: &mut Groups) {
+        let [x, y] = self.lens.pixel(ray.direction);
+        let z = (distance / self.nearest).max(1e-30).ln() / self.step;
+        let last = (self.size - 1).as_vec3();
+        let at = (Vec3::new(x / self.pixels[0], y / self.pixels[1], z / last.z) * last).clamp(Vec3::ZERO, last);
+        let cell = at.floor().min((last - 1.0).max(Vec3::ZERO));
+        let (f, cell) = (at - cell, cell.as_uvec3());
+        let (mut whole, mut found) = (0.0, [(0.0, 0usize); 8]);
+        for (i, found) in (0..8u32).zip(&mut found) {
+            let bit = UVec3::new(i & 1, i >> 1 & 1, i >> 2 & 1);
+            let weight = Vec3::select(bit.cmpeq(UVec3::ONE), f, 1.0 - f).element_product();
+            let corner = (cell + bit).min(self.size - 1);
+            let place = ((corner.z * self.size.y + corner.y) * self.size.x + corner.x) as usize;
+            if self.light[place].is_some() {
+                whole += weight;
+                *found = (weight, place);
+            }
+        }
+        if whole <= 0.0 {
+            return;
+        }
+        let each = share / (whole * (self.paths * GROUPS as u64) as f32);
+        for (weight, place) in found.into_iter().filter(|f| f.0 > 0.0) {
+            let groups = self.light[place].iter().map(|light| &light[layer]);
+            groups.for_each(|groups| into.iter_mut().zip(groups).for_each(|(sum, light)| *sum += each * weight * light));
+        }
+    }
+}
