@@ -3,7 +3,7 @@
 use super::values::{count, length};
 use crate::import::{ImportOptions, MAX_VOXELS, air::spelt};
 use crate::scene::view::LONGEST;
-use crate::scene::{Air, Overrides, View};
+use crate::scene::{Air, Overrides, View, Wishes, effect::EffectName};
 use crate::sculpt::{DetailRequest, Genus, MOST_OCTAVES, MOST_STRENGTH};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
@@ -46,6 +46,12 @@ pub struct SceneArguments {
     /// clear:visibility=20000,base=0 or haze:visibility=8000,top=1500; a + between several
     #[arg(long, value_name = "AIR", value_parser = spelt)]
     pub atmosphere: Option<Air>,
+    /// Simulate an effect whatever it changes, or leave it out, in place of what the scene calls for; repeats. See cloudvdb plan
+    #[arg(long = "effect", value_name = "NAME=on|off|auto", value_parser = effect)]
+    pub effects: Vec<Wish>,
+    /// Leave out effects that change less than this share of the light [default: 0.1%]
+    #[arg(long, value_name = "PERCENT", value_parser = tolerance)]
+    pub tolerance: Option<f64>,
     /// Repeat grids horizontally without end
     #[arg(long, value_enum, value_name = "AXES")]
     pub periodic: Option<Periodic>,
@@ -76,6 +82,8 @@ pub struct SceneArguments {
 type Rgb = [f64; 3];
 /// A detail, or expressly none.
 type Detail = Option<DetailRequest>;
+/// An effect, and whether it is to be on; or as the scene calls for.
+type Wish = (EffectName, Option<bool>);
 /// An angle in radians, given in degrees.
 type Radians = f64;
 
@@ -102,12 +110,19 @@ impl SceneArguments {
                 irradiance: self.irradiance,
                 sky: self.sky,
                 air: self.atmosphere,
+                wishes: self.wishes(),
                 periodic: self.periodic.is_some(),
             },
             detail: self.detail,
             voxel_size: self.voxel_size,
             max_voxels: self.max_voxels,
         }
+    }
+
+    /// What is wished of the effects: the last word on each counts.
+    fn wishes(&self) -> Wishes {
+        let begin = Wishes { tolerance: self.tolerance.unwrap_or(Wishes::default().tolerance), ..Wishes::default() };
+        self.effects.iter().fold(begin, |wishes, &(name, wish)| wishes.with(name, wish))
     }
 
     /// How it is looked at.
@@ -158,6 +173,24 @@ fn sun_angle(text: &str) -> Result<f64, String> {
 fn light(text: &str) -> Result<Rgb, String> {
     let fine = |rgb: &Rgb| rgb.iter().all(|&v| v >= 0.0);
     rgb(text).filter(fine).ok_or_else(|| format!("{text:?} is not a number from 0 up, or three of them such as 0.1,0.2,0.4"))
+}
+
+fn effect(text: &str) -> Result<Wish, String> {
+    let (name, wish) = text.split_once('=').ok_or_else(|| format!("{text:?} is not an effect and a wish, such as surface_bounce=off"))?;
+    let known = EffectName::SWITCHES.iter().find(|(known, _)| *known == name.trim().replace('-', "_"));
+    let names = EffectName::SWITCHES.map(|(name, _)| name).join(", ");
+    let (_, name) = known.ok_or_else(|| format!("{name:?} is no effect that can be switched: say one of {names}"))?;
+    match wish.trim() {
+        "on" => Ok((*name, Some(true))),
+        "off" => Ok((*name, Some(false))),
+        "auto" => Ok((*name, None)),
+        other => Err(format!("{other:?} is none of on, off and auto")),
+    }
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    let share = text.trim().trim_end_matches('%').parse::<f64>().ok().filter(|v| (0.0..=100.0).contains(v));
+    share.map(|v| v / 100.0).ok_or_else(|| format!("{text:?} is not a share from 0% to 100%"))
 }
 
 fn point(text: &str) -> Result<DVec3, String> {
@@ -215,6 +248,14 @@ mod tests {
         assert_eq!((mean_cosine("-0.3"), extinction("25"), sun_angle("0")), (Ok(-0.3), Ok(25.0), Ok(0.0)));
         assert_eq!((direction("-3,0,0"), point("1,-2,3.5")), (Ok(DVec3::NEG_X), Ok(DVec3::new(1.0, -2.0, 3.5))));
         assert_eq!((field_of_view("90"), size("640x360")), (Ok(std::f64::consts::FRAC_PI_2), Ok([640, 360])));
+    }
+
+    #[test]
+    fn wishes_read_as_people_write_them() {
+        assert_eq!((effect("sky=off"), effect("sun-disc=auto")), (Ok((EffectName::Sky, Some(false))), Ok((EffectName::SunDisc, None))));
+        assert_eq!((tolerance("0.5%"), tolerance("0")), (Ok(0.005), Ok(0.0)));
+        assert!(["sky", "sky=no", "duality=off", "=on"].iter().all(|t| effect(t).is_err()));
+        assert!(["-1", "101%", "much"].iter().all(|t| tolerance(t).is_err()));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::media::Media;
 use crate::media::air::Atmosphere;
-use crate::scene::{Air, Region, Scene};
+use crate::scene::{Region, Scene};
 use glam::{DVec3, Vec3};
 
 /// Channels that share every free flight.
@@ -16,11 +16,11 @@ pub(super) struct Band {
     pub optics: Vec<(Vec3, f64)>,
 }
 
-/// The bands of a scene, its air as `air` says: one where extinction is grey, three else; their media know the shade of a sun in
+/// The bands of a scene: one where extinction is grey, three else; their media know the shade of a sun in
 /// direction `toward_sun`.
-pub(super) fn bands(scene: &Scene, air: &Air, origin: DVec3, toward_sun: Option<Vec3>) -> Vec<Band> {
+pub(super) fn bands(scene: &Scene, origin: DVec3, toward_sun: Option<Vec3>) -> Vec<Band> {
     let alike = |t: [f64; 3]| t.iter().all(|&c| (c - t[0]).abs() <= 1e-12 * t[0].abs());
-    let grey = scene.regions.iter().all(|r| alike(r.medium.sigma_t_rgb())) && air.layers().all(|layer| alike(layer.sigma_t()));
+    let grey = scene.regions.iter().all(|r| alike(r.medium.sigma_t_rgb())) && scene.air.layers().all(|layer| alike(layer.sigma_t()));
     let one = |mask: Vec3, channel: Option<usize>| {
         let regions: Vec<Region> =
             scene.regions.iter().map(|r| Region { medium: channel.map_or(r.medium, |c| r.medium.channel(c)), ..r.clone() }).collect();
@@ -29,7 +29,7 @@ pub(super) fn bands(scene: &Scene, air: &Air, origin: DVec3, toward_sun: Option<
         if let Some(toward) = toward_sun {
             media.learn_shade(toward);
         }
-        let air = channel.map_or(*air, |c| air.coloured(|rgb| [rgb[c]; 3]));
+        let air = channel.map_or(scene.air, |c| scene.air.coloured(|rgb| [rgb[c]; 3]));
         Band { media, air: Atmosphere::new(&air, origin), mask, optics }
     };
     if grey { vec![one(Vec3::ONE, None)] } else { (0..3).map(|c| one(Vec3::AXES[c], Some(c))).collect() }

@@ -75,6 +75,7 @@ const TALLIES: usize = 7;
 /// [`Error::Interrupted`]; [`Error::Scene`] where no sunlight reaches the media.
 pub fn flux(scene: &Scene, plan: &Plan, photons: u64, seed: u64, progress: &dyn Progress) -> Result<Flux> {
     progress.begin("flux", photons);
+    let scene = &*plan.scene(scene);
     let tracer = Tracer::new(scene, plan);
     let batches = photons.div_ceil(BATCH);
     let mut sums = Ratios::<TALLIES>::default();

@@ -35,7 +35,7 @@ use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
-use crate::scene::{Air, Camera, Scene, Sun, medium::luminance};
+use crate::scene::{Camera, Scene, Sun, medium::luminance};
 use basis::Basis;
 pub use basis::harmonics;
 use field::{Field, Groups, Request};
@@ -112,6 +112,7 @@ pub(super) struct Room {
 impl GridTracer {
     /// Compiles a scene, which is dark yet, for a camera. To `go_on` is to keep what photons have left for more to come.
     pub(super) fn new(scene: &Scene, plan: &Plan, camera: &Camera, settings: &RenderSettings, go_on: bool) -> Self {
+        let scene = &*plan.scene(scene);
         let parts = parts(scene);
         let fields = parts.len() as u64 * if scene.surfaces.is_empty() { 1 } else { 2 };
         let held = settings.photon.memory / (BYTES + (fields - 1) * if go_on { GOING_ON } else { KEPT });
@@ -120,11 +121,12 @@ impl GridTracer {
         let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
         let channel = |(part, mask, tint): (Cow<Scene>, Vec3, Vec3)| {
             let tracer = PathTracer::new(&part, plan);
-            let air = if plan.on(EffectName::Air) { part.air } else { Air::default() };
-            let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass().through(&air);
+            let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass().through(&part.air);
             let lens = Lens::new(camera, settings.width, settings.height, tracer.origin);
             let (mut view, mut around) = (None, None);
-            if !part.regions.is_empty() && photons.strongest() > 0.0 {
+            // Sunlight that scattered once is looked at: photons are for the rest.
+            let once = plan.orders == Some(1) && !sends(&part, plan);
+            if !part.regions.is_empty() && photons.strongest() > 0.0 && !once {
                 let media = &tracer.bands[0].media;
                 let field = |basis: Basis, seen: &(dyn Fn(Box3) -> bool + Sync), first: u64, coarser: f64, fewer: u64| {
                     let worth = told.min(shown).max(LEAST_VOXELS) / fewer;
@@ -139,7 +141,7 @@ impl GridTracer {
                     view = Some(field(ALL, &|_| true, 0, 1.0, 1));
                 }
             }
-            let glow = (!air.is_empty()).then(|| {
+            let glow = (!part.air.is_empty()).then(|| {
                 let wide = part.surfaces.iter().fold(part.region_bounds(), |b, s| b.union(s.mesh.bounds())).size().length();
                 let size = if part.regions.is_empty() { wide } else { part.region_bounds().size().length() };
                 Glow::new(&tracer, lens, [settings.width, settings.height], size.max(1.0) as f32, settings.seed)
@@ -196,6 +198,11 @@ fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
         parts.push((Cow::Owned(Scene { sun: dark, ..scene.clone() }), Vec3::ONE, sky_tint));
     }
     parts
+}
+
+/// Whether regions get other light than the sun's own.
+fn sends(scene: &Scene, plan: &Plan) -> bool {
+    luminance(scene.sky) > 0.0 || !scene.air.is_empty() || plan.on(EffectName::SurfaceBounce)
 }
 
 /// Whether a camera may see anything of a box.
@@ -255,7 +262,7 @@ impl Channel {
                 return arrival;
             }
             let p = hit.off(&ray);
-            let light = tracer.sun.on_surface(&tracer.bands[0], &tracer.surfaces, p, &hit, rng, &mut room.scratch);
+            let light = tracer.on_surface(&tracer.bands[0], p, &hit, rng, &mut room.scratch);
             arrival.light[layer as usize] += throughput * light;
             if rng.uniform_f32() >= kept {
                 return arrival;

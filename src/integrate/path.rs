@@ -14,9 +14,9 @@ use crate::media::{Flight, Scratch};
 use crate::plan::{EffectName, Plan};
 use crate::rng::Rng;
 use crate::sampling::{around, cosine_hemisphere};
+use crate::scene::Scene;
 use crate::scene::phase::sample_henyey_greenstein;
-use crate::scene::{Air, Scene};
-use crate::trimesh::TriMesh;
+use crate::trimesh::{Hit, TriMesh};
 use glam::{DVec3, Vec3};
 
 /// Roulette begins below this throughput.
@@ -29,27 +29,34 @@ const MOST_COLLISIONS: u64 = 1 << 24;
 pub(super) struct PathTracer {
     pub bands: Vec<Band>,
     pub surfaces: TriMesh,
-    /// Of each surface; black where the plan leaves bounces out.
+    /// Of each surface.
     pub albedos: Vec<Vec3>,
     pub sun: Sunlight,
     pub sky: Vec3,
+    /// Collisions with regions after which a path ends.
+    orders: u64,
+    /// Whether surfaces light regions, and regions shade surfaces.
+    bounces: bool,
+    shades: bool,
     /// World position of the local space's origin.
     pub origin: DVec3,
 }
 
 impl PathTracer {
     pub(super) fn new(scene: &Scene, plan: &Plan) -> Self {
+        let scene = &*plan.scene(scene);
         let origin = scene.region_bounds().centre();
         let meshes: Vec<_> = scene.surfaces.iter().map(|s| &s.mesh).collect();
         let colour = |rgb: [f64; 3]| DVec3::from_array(rgb).as_vec3();
-        let bounces = plan.on(EffectName::SurfaceBounce);
-        let air = if plan.on(EffectName::Air) { scene.air } else { Air::default() };
         PathTracer {
-            bands: bands(scene, &air, origin, scene.sun.shines().then(|| -scene.sun.direction.as_vec3())),
+            bands: bands(scene, origin, scene.sun.shines().then(|| -scene.sun.direction.as_vec3())),
             surfaces: TriMesh::new(&meshes, origin),
-            albedos: scene.surfaces.iter().map(|s| if bounces { colour(s.albedo) } else { Vec3::ZERO }).collect(),
+            albedos: scene.surfaces.iter().map(|s| colour(s.albedo)).collect(),
             sun: Sunlight::new(&scene.sun, plan.on(EffectName::SunDisc)),
             sky: colour(scene.sky),
+            orders: plan.orders.map_or(MOST_COLLISIONS, u64::from),
+            bounces: plan.on(EffectName::SurfaceBounce),
+            shades: plan.on(EffectName::CloudShadow),
             origin,
         }
     }
@@ -60,7 +67,7 @@ impl PathTracer {
         let (mut throughput, mut layer) = (band.mask, Layer::Environment);
         let (mut hint, mut reach) = (0.0, reach);
         // What of the sunlight at the next collision is left to this path, the rest being found by a look sunward.
-        let mut share = 1.0;
+        let (mut share, mut order) = (1.0, 0);
         loop {
             let tau = rng.optical_depth();
             let flight = band.media.fly(&ray, reach, tau, hint, rng, scratch);
@@ -81,15 +88,19 @@ impl PathTracer {
                 layer = layer.then(Layer::Surface);
                 arrival.event(hit.t);
                 let albedo = self.albedos[hit.owner as usize];
-                if albedo == Vec3::ZERO {
+                if albedo == Vec3::ZERO || (order > 0 && !self.bounces) {
                     return arrival;
                 }
                 throughput *= albedo;
                 let p = hit.off(&ray);
-                arrival.light[layer as usize] += throughput * self.sun.on_surface(band, &self.surfaces, p, &hit, rng, scratch);
+                arrival.light[layer as usize] += throughput * self.on_surface(band, p, &hit, rng, scratch);
                 ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
                 (hint, share) = (0.0, 1.0);
             } else if let Flight::Collision { distance, region, sigma_t } = flight {
+                order += 1;
+                if order > self.orders {
+                    return arrival;
+                }
                 layer = layer.then(Layer::VolumeDirect);
                 arrival.event(distance);
                 arrival.collisions += 1;
@@ -99,7 +110,7 @@ impl PathTracer {
                 hint = sigma_t;
                 let (light, clear) = self.sun.in_medium(band, &self.surfaces, &ray, (g, share), rng, scratch);
                 arrival.light[layer as usize] += throughput * light;
-                let rivals = self.sun.rivals(g, clear);
+                let rivals = if order < self.orders { self.sun.rivals(g, clear) } else { None };
                 if let Some(direction) = rivals.and_then(|r| self.sun.sunward(&r, rng)) {
                     let share = rivals.map_or(0.0, |r| self.sun.share(&r, ray.direction, direction));
                     let light = self.sun_ahead(band, Ray { direction, ..ray }, (hint, share), rng, scratch);
@@ -126,6 +137,11 @@ impl PathTracer {
                 return arrival;
             }
         }
+    }
+
+    /// The sunlight that a white surface sends out from `p` (radiance).
+    pub(super) fn on_surface(&self, band: &Band, p: Vec3, hit: &Hit, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
+        self.sun.on_surface(band, &self.surfaces, (p, self.shades), hit, rng, scratch)
     }
 
     /// The sunlight that the next collision along `ray` scatters back along it, times `share`.

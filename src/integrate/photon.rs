@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::geom::Ray;
 use crate::media::{Media, Scratch};
 use crate::photon::{Model, Neighbourhood, Photon, PhotonMap, Tracer};
-use crate::plan::Plan;
+use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
@@ -160,13 +160,17 @@ impl PhotonTracer {
         let (seed, settings) = (settings.seed, settings.photon);
         let mut lighting = Lighting::default();
         let mut channels = Vec::new();
+        let scene = &*plan.scene(scene);
         let parts = channels_of(scene, settings.model);
+        // Sunlight that scattered once is looked at: photons are for the rest.
+        let once = plan.orders == Some(1) && !plan.on(EffectName::SurfaceBounce);
         let mut pass1 = pass1;
         for (part, mask, tint) in &parts {
             let tracer = PathTracer::new(part, plan);
             let pass2 = Tracer::new(part, plan, settings.model).of_second_pass();
             let map = match pass1.take() {
                 Some(map) => Some(map),
+                None if once => None,
                 None => traced(part, &pass2, settings.photons.div_ceil(parts.len() as u64), seed, progress, &mut lighting)?,
             };
             let photons = map.map_or(Vec::new(), |map| map.along_curve(tracer.origin));
@@ -229,6 +233,7 @@ fn with(scene: &Scene, medium: &dyn Fn(&Medium) -> Medium, of: &dyn Fn([f64; 3])
         sky: of(scene.sky),
         air: scene.air.coloured(of),
         camera: scene.camera,
+        wishes: scene.wishes,
     }
 }
 
@@ -299,7 +304,7 @@ impl Channel {
                 return arrival;
             }
             for _ in 0..self.shadow_rays {
-                let light = tracer.sun.on_surface(&tracer.bands[0], &tracer.surfaces, p, &hit, rng, &mut room.scratch);
+                let light = tracer.on_surface(&tracer.bands[0], p, &hit, rng, &mut room.scratch);
                 arrival.light[layer as usize] += share * light;
             }
             ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };

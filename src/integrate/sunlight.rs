@@ -73,14 +73,22 @@ impl Sunlight {
         self.irradiance * (phase * clear as f32)
     }
 
-    /// The sunlight that a white Lambertian surface sends out from `p` (radiance).
-    pub(super) fn on_surface(&self, band: &Band, surfaces: &TriMesh, p: Vec3, hit: &Hit, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
+    /// The sunlight that a white Lambertian surface sends out from `p` (radiance); whether regions may shade it.
+    pub(super) fn on_surface(
+        &self,
+        band: &Band,
+        surfaces: &TriMesh,
+        (p, shaded): (Vec3, bool),
+        hit: &Hit,
+        rng: &mut Rng,
+        scratch: &mut Scratch,
+    ) -> Vec3 {
         let Some((toward, weight)) = self.toward(rng) else { return Vec3::ZERO };
         let cos = toward.dot(hit.normal);
         if cos <= 0.0 {
             return Vec3::ZERO;
         }
-        let clear = visible(band, surfaces, p, toward, cos, rng, scratch);
+        let clear = if shaded { visible(band, surfaces, p, toward, cos, rng, scratch) } else { past(band, surfaces, p, toward) };
         self.irradiance * (cos * FRAC_1_PI * weight * clear as f32)
     }
 
@@ -132,9 +140,12 @@ fn one_minus_cos(a: Vec3, b: Vec3) -> f64 {
 /// The share of light that arrives at `p` from direction `toward`, far away; an unbiased estimate. `weight` as in
 /// [`Media::sunlight`](crate::media::Media::sunlight).
 fn visible(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3, weight: f32, rng: &mut Rng, scratch: &mut Scratch) -> f64 {
-    if !surfaces.is_empty() && surfaces.nearest(&Ray { origin: p, direction: toward }, f32::INFINITY).is_some() {
-        return 0.0;
-    }
-    let air = band.air.transmittance(&Ray { origin: p, direction: toward }, f32::INFINITY);
-    air * band.media.sunlight(p, toward, weight, rng, scratch)
+    let clear = past(band, surfaces, p, toward);
+    if clear > 0.0 { clear * band.media.sunlight(p, toward, weight, rng, scratch) } else { 0.0 }
+}
+
+/// The share that surfaces and air let pass.
+fn past(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3) -> f64 {
+    let ray = Ray { origin: p, direction: toward };
+    if !surfaces.is_empty() && surfaces.nearest(&ray, f32::INFINITY).is_some() { 0.0 } else { band.air.transmittance(&ray, f32::INFINITY) }
 }

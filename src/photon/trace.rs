@@ -114,6 +114,8 @@ pub struct Tracer {
     model: Model,
     stage: Stage,
     absorption: bool,
+    /// Collisions after which a path ends.
+    orders: u64,
     /// The largest optical depth across a region.
     thickest: f64,
     origin: DVec3,
@@ -126,6 +128,7 @@ pub struct Tracer {
 impl Tracer {
     /// Compiles the scene for the effects that the plan calls for.
     pub fn new(scene: &Scene, plan: &Plan, model: Model) -> Self {
+        let scene = &*plan.scene(scene);
         let bounds = scene.region_bounds();
         let origin = bounds.centre();
         let bounces = plan.on(EffectName::SurfaceBounce);
@@ -145,6 +148,7 @@ impl Tracer {
             model,
             stage: Stage::Photons,
             absorption: plan.on(EffectName::Absorption),
+            orders: plan.orders.map_or(MAX_COLLISIONS, u64::from),
             thickest: scene.regions.iter().map(|r| r.medium.sigma_t() * r.shape.thickness()).fold(0.0, f64::max),
             origin,
             wrap: (alone && !scene.regions.is_empty()).then(|| local(bounds)),
@@ -365,7 +369,7 @@ impl Tracer {
             if self.absorption && rng.uniform() >= optics.albedo {
                 return batch.end(Fate::AbsorbedMedium, &at);
             }
-            if collisions >= MAX_COLLISIONS {
+            if collisions >= self.orders {
                 return batch.end(Fate::Truncated, &at);
             }
             if collisions.is_multiple_of(4096) && progress.cancelled() {

@@ -102,6 +102,7 @@ pub fn lit<'a>(scene: &'a Scene, written: &[Region], density: Density) -> Cow<'a
             sky: scene.sky,
             air: scene.air,
             camera: scene.camera,
+            wishes: scene.wishes,
         }),
     }
 }

@@ -6,6 +6,7 @@
 pub mod air;
 pub mod camera;
 pub mod density;
+pub mod effect;
 pub mod light;
 pub mod medium;
 pub mod mesh;
@@ -19,6 +20,7 @@ pub mod voxels;
 pub use air::Air;
 pub use camera::Camera;
 pub use density::BrickGrid;
+pub use effect::Wishes;
 pub use light::Sun;
 pub use medium::Medium;
 pub use mesh::Mesh;
@@ -45,6 +47,8 @@ pub struct Scene {
     pub air: Air,
     /// The camera, where the file has one.
     pub camera: Option<Camera>,
+    /// What a user wishes of its effects.
+    pub wishes: Wishes,
 }
 
 impl Scene {

@@ -1,6 +1,6 @@
 //! What a user says about media, light and repetition beside a file: it overrides what the file says.
 
-use super::{Air, Medium, Region, Scene, Shape};
+use super::{Air, Medium, Region, Scene, Shape, Wishes};
 use crate::error::{Error, Result};
 use glam::DVec3;
 use std::sync::Arc;
@@ -25,6 +25,8 @@ pub struct Overrides {
     pub sky: Option<[f64; 3]>,
     /// The air.
     pub air: Option<Air>,
+    /// What is wished of the scene's effects.
+    pub wishes: Wishes,
     /// Whether grids are repeated along x and y without end.
     pub periodic: bool,
 }
@@ -53,6 +55,7 @@ impl Overrides {
         scene.sun.irradiance = self.irradiance.unwrap_or(scene.sun.irradiance);
         scene.sky = self.sky.unwrap_or(scene.sky);
         scene.air = self.air.unwrap_or(scene.air);
+        scene.wishes = self.wishes;
         Ok(())
     }
 

@@ -1,7 +1,10 @@
 //! Air: the path tracer against a layer that is a region, and in a white furnace; the grid integrator against the path tracer.
 
 use super::*;
-use crate::scene::air::{AirLayer, Scattering};
+use crate::scene::{
+    Air,
+    air::{AirLayer, Scattering},
+};
 
 fn haze(sigma_t: f64, albedo: f64, scattering: Scattering, scale_height: Option<f64>) -> AirLayer {
     let (base, top) = (-1.3, 2.4);

@@ -1,0 +1,94 @@
+//! Photons on their way, where they bounce and where they collide with air.
+
+use super::{Batch, Fate, Tracer};
+use crate::geom::Ray;
+use crate::media::air::Layer;
+use crate::photon::Model;
+use crate::rng::Rng;
+use crate::sampling::{around, cosine_hemisphere};
+use crate::trimesh::Hit;
+use smallvec::SmallVec;
+use std::f64::consts::PI;
+
+/// A photon on its way: its path may branch where it bounces.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Branch {
+    pub ray: Ray,
+    pub power: f64,
+    /// Whether its power is in the energy balance: it crossed the silhouette, or a surface sent it toward the regions.
+    pub counted: bool,
+    /// Whether a surface has reflected it, or it comes from the sky or from air: it is not the sun's any more.
+    pub bounced: bool,
+    /// Whether it has collided with a region.
+    pub met: bool,
+    /// Whether it is light of the air.
+    pub from_air: bool,
+}
+
+impl Branch {
+    /// How it goes on after a collision with air, if it does: before it has met a region, the light of the air stands for it.
+    pub(super) fn in_air(&self, distance: f32, layer: &Layer, rng: &mut Rng) -> Option<Branch> {
+        if !self.met || rng.uniform_f32() >= layer.albedo.x {
+            return None;
+        }
+        let (cos, sin) = layer.scattering.sample(rng.uniform());
+        let direction = around(self.ray.direction, cos as f32, sin as f32, rng.uniform_f32());
+        Some(Branch { ray: Ray { origin: self.ray.at(distance), direction }, bounced: true, ..*self })
+    }
+}
+
+impl Tracer {
+    /// A Lambertian bounce (thesis eq. 26). What goes toward the regions is a branch of its own, sampled over the cone of
+    /// their bounding sphere, so that light from far ground arrives by many weak photons and not by a few strong ones; what
+    /// goes elsewhere is sampled over the hemisphere and dropped inside the cone. To the letter there is no such branch, as the
+    /// duality counts photons and not their power. Returns how the latter goes on.
+    pub(super) fn bounce(
+        &self,
+        at: &Branch,
+        hit: &Hit,
+        rng: &mut Rng,
+        batch: &mut Batch,
+        left: &mut SmallVec<[Branch; 8]>,
+    ) -> Option<Branch> {
+        let albedo = self.albedos[hit.owner as usize];
+        let origin = hit.off(&at.ray);
+        let aimed = albedo > 0.0 && self.model == Model::Physical;
+        let cone = self.emitter.aim().filter(|_| aimed).and_then(|aim| aim.seen_from(origin));
+        if let Some(cone) = &cone {
+            let direction = cone.sample(rng);
+            let cos = f64::from(direction.dot(hit.normal)).max(0.0);
+            let power = at.power * albedo * cos * cone.solid_angle / PI;
+            // Branches too weak to matter play roulette.
+            let floor = 0.1 * self.emitter.base_power();
+            let kept = if power >= floor {
+                power
+            } else if rng.uniform() * floor < power {
+                floor
+            } else {
+                0.0
+            };
+            batch.shift(Fate::Roulette, at, -kept);
+            if kept > 0.0 {
+                if !at.counted {
+                    batch.power += kept;
+                }
+                left.push(Branch { ray: Ray { origin, direction }, power: kept, counted: true, bounced: true, ..*at });
+            }
+        }
+        if rng.uniform() >= albedo {
+            batch.end(Fate::AbsorbedSurface, at);
+            return None;
+        }
+        let direction = cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32());
+        if cone.is_some_and(|cone| cone.holds(direction)) {
+            batch.shift(Fate::Roulette, at, at.power);
+            return None;
+        }
+        // Light that surfaces send to within the regions' bounding sphere has begun to count.
+        let counted = at.counted || self.emitter.aim().is_some_and(|aim| aim.holds(origin));
+        if counted && !at.counted {
+            batch.power += at.power;
+        }
+        Some(Branch { ray: Ray { origin, direction }, counted, bounced: true, ..*at })
+    }
+}

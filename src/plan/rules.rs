@@ -1,0 +1,269 @@
+//! The rule of each effect: whether there is any of it in a scene, the figure that decides, and a bound on what leaving it out changes.
+
+use super::{Density, Finding};
+use crate::bvh::{Box3, Bvh};
+use crate::geom::Bounds;
+use crate::scene::phase::henyey_greenstein;
+use crate::scene::{Region, Scene, Shape};
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// More orders than this are as good as all.
+const MOST_ORDERS: u32 = 64;
+
+/// An upper bound of the optical depth along any straight line through a region, largest channel.
+fn deepest(region: &Region) -> f64 {
+    let sigma = region.medium.sigma_t_rgb().into_iter().fold(region.medium.sigma_t(), f64::max);
+    let longest = match &region.shape {
+        Shape::Ellipsoid { world_from_unit } => {
+            let m = world_from_unit.matrix3;
+            let axes = [m.x_axis, m.y_axis, m.z_axis];
+            let upright = (0..3).all(|i| axes[i].dot(axes[(i + 1) % 3]).abs() <= 1e-9 * axes[i].length() * axes[(i + 1) % 3].length());
+            let lengths = axes.map(|a| a.length());
+            // The norm of the whole matrix bounds its largest stretch.
+            2.0 * if upright { lengths.into_iter().fold(0.0, f64::max) } else { DVec3::from_array(lengths).length() }
+        }
+        Shape::Grid(grid) => {
+            let largest = grid.bricks.values.iter().copied().fold(0.0, f32::max);
+            grid.bounds().size().length() * f64::from(largest)
+        }
+        shape => shape.bounds().size().length(),
+    };
+    if sigma == 0.0 {
+        0.0
+    } else if region.shape.is_endless() {
+        f64::INFINITY
+    } else {
+        sigma * longest
+    }
+}
+
+/// By how much light that has scattered `order` times may be stronger, in one direction, than light of as much power that has scattered
+/// once: convolved with itself, the Henyey-Greenstein function of g is that of a power of g.
+fn flatter(g: (f64, f64), order: i32) -> f64 {
+    let cosines = (0..=64).map(|i| f64::from(i) / 32.0);
+    let steps = |low: f64, high: f64| (0..=8).map(move |i| low + (high - low) * f64::from(i) / 8.0);
+    // A product of `order` mean cosines out of a range.
+    let (small, large) = (g.0.abs().min(g.1.abs()), g.0.abs().max(g.1.abs()));
+    let sign = if g.0 < 0.0 { -1.0 } else { 1.0 };
+    let products = || steps(sign * small.powi(order), large.powi(order));
+    cosines
+        .map(|x| {
+            let once = steps(g.0, g.1).map(|g| henyey_greenstein(g, x)).fold(f64::INFINITY, f64::min);
+            products().map(|g| henyey_greenstein(g, x)).fold(0.0, f64::max) / once
+        })
+        .fold(1.0, f64::max)
+}
+
+/// Light of order n + 1 comes from light of order n that collides once more, of which there is a share of at most 1 - e^-tau; the first
+/// order is at least e^-tau of what it is without attenuation.
+pub(super) fn multiple_scattering(scene: &Scene, tolerance: f64) -> (Finding, Option<u32>) {
+    let tau: f64 = scene.regions.iter().map(deepest).sum();
+    let scatters = scene.regions.iter().any(|r| r.medium.albedo() > 0.0);
+    let collides = -(-tau).exp_m1();
+    let range = scene.regions.iter().fold((1.0f64, -1.0f64), |(low, high), r| (low.min(r.medium.g), high.max(r.medium.g)));
+    let term = |order: u32| tau.exp() * collides.powi(order as i32 - 1) * flatter(range, order as i32);
+    // What comes after the last order that is looked at falls by the same factor at least, and is never flatter than even.
+    let even = henyey_greenstein(0.0, 1.0) / henyey_greenstein(range.1.abs().max(range.0.abs()), 2.0);
+    let rest = if collides < 1.0 { tau.exp() * collides.powi(MOST_ORDERS as i32) / (1.0 - collides) * even } else { f64::INFINITY };
+    let (mut tail, mut orders, mut bound) = (rest, None, rest);
+    if tau < 8.0 && scatters && !scene.regions.is_empty() {
+        for order in (2..=MOST_ORDERS).rev() {
+            tail += term(order);
+            if tail <= tolerance {
+                orders = Some(order - 1);
+            }
+        }
+        bound = tail;
+    }
+    let bound = if bound.is_finite() { bound.min(1.0) } else { 1.0 };
+    let reason = match orders {
+        Some(1) | None if tau < 8.0 => {
+            format!("along any line optical depth is at most {tau:.3}: all orders from the second on add at most {:.2} %", 100.0 * bound)
+        }
+        Some(n) => format!("along any line optical depth is at most {tau:.3}: orders after the {n}. add less than the tolerance"),
+        None => format!("along some line optical depth may be {tau:.3}: light scatters many times"),
+    };
+    (Finding { there: scatters && tau > 0.0, figure: tau, bound, reason }, orders)
+}
+
+/// Light that is scattered n times keeps albedo^n; the mean n is bounded by some optical depths.
+pub(super) fn absorption(scene: &Scene) -> Finding {
+    let absorbed = most(scene, |r| 1.0 - r.medium.albedo_rgb().into_iter().fold(r.medium.albedo(), f64::min));
+    let tau: f64 = scene.regions.iter().map(deepest).sum();
+    let reason = if absorbed > 0.0 {
+        format!("the darkest medium absorbs {:.4} % at each collision", 100.0 * absorbed)
+    } else {
+        "every albedo is 1: no photon needs a roulette".into()
+    };
+    Finding { there: absorbed > 0.0, figure: absorbed, bound: (3.0 * (1.0 + tau) * absorbed).min(1.0), reason }
+}
+
+/// The phase function differs from an even one by at most what its peak is above it.
+pub(super) fn anisotropy(scene: &Scene) -> Finding {
+    let g = most(scene, |r| r.medium.g.abs());
+    let reason = if g > 0.0 { format!("mean cosine up to {g:.3}") } else { "every medium scatters alike in all directions".into() };
+    Finding { there: g > 0.0, figure: g, bound: ((1.0 + g) / (1.0 - g).powi(2) - 1.0).min(1.0), reason }
+}
+
+pub(super) fn heterogeneity(scene: &Scene) -> Finding {
+    let grids = scene.regions.iter().filter(|r| matches!(r.shape, Shape::Grid(_))).count();
+    let reason = match grids {
+        0 => "every region is even: flights in closed form, no tracking".into(),
+        n => format!("{n} of {} regions are voxel grids: null collisions", scene.regions.len()),
+    };
+    Finding { there: grids > 0, figure: grids as f64, bound: 1.0, reason }
+}
+
+pub(super) fn overlap(scene: &Scene) -> Finding {
+    let overlapping = overlapping(&scene.regions);
+    let reason = if overlapping > 0 {
+        format!("{overlapping} of {} regions may overlap another: extinction adds", scene.regions.len())
+    } else {
+        "no two regions' bounds meet".into()
+    };
+    Finding { there: overlapping > 0, figure: overlapping as f64, bound: 1.0, reason }
+}
+
+/// Shadows blur by the disc's angle over the scene.
+pub(super) fn sun_disc(scene: &Scene) -> Finding {
+    let smallest = scene.regions.iter().map(|r| r.shape.smallest_half_extent()).fold(f64::INFINITY, f64::min);
+    let all = scene.surfaces.iter().fold(scene.region_bounds(), |b, s| b.union(s.mesh.bounds()));
+    let blur = scene.sun.angular_diameter * all.size().length() / smallest;
+    let reason =
+        format!("{:.4} rad blurs shadows by up to {:.3} % of the smallest region's half extent", scene.sun.angular_diameter, 100.0 * blur);
+    let there = scene.sun.angular_diameter > 0.0 && scene.sun.shines() && blur.is_finite();
+    Finding { there, figure: blur, bound: blur.min(1.0), reason }
+}
+
+/// What of the light that falls on the regions is the sky's; it is also seen itself.
+pub(super) fn sky(scene: &Scene) -> Finding {
+    let light = scene.sky.into_iter().fold(0.0, f64::max);
+    let sun = scene.sun.irradiance.into_iter().fold(f64::INFINITY, f64::min);
+    let share = if light > 0.0 { 4.0 * PI * light / (4.0 * PI * light + sun) } else { 0.0 };
+    let reason = match share {
+        0.0 => "the sky is black".into(),
+        share => format!("{:.3} % of the light is the sky's, which is seen too", 100.0 * share),
+    };
+    Finding { there: light > 0.0, figure: share, bound: 1.0, reason }
+}
+
+pub(super) fn surface_shadow(scene: &Scene) -> Finding {
+    let reason = match scene.surfaces.len() {
+        0 => "there is no surface".into(),
+        n => format!("{n} surfaces can stand in the light's way"),
+    };
+    Finding { there: !scene.surfaces.is_empty(), figure: scene.surfaces.len() as f64, bound: 1.0, reason }
+}
+
+/// Regions cast shadows on what lies behind them, seen from the sun; as balls around them, widened by the sun's disc.
+pub(super) fn cloud_shadow(scene: &Scene) -> Finding {
+    let tan = (0.5 * scene.sun.angular_diameter).tan();
+    let light = scene.sun.direction;
+    let ball = |b: Bounds| (b.centre(), 0.5 * b.size().length());
+    let shaded = |surface: Bounds, region: &Region| {
+        if region.shape.is_endless() {
+            return true;
+        }
+        let ((s, wide), (r, half)) = (ball(surface), ball(region.shape.bounds()));
+        let along = (s - r).dot(light);
+        let aside = ((s - r) - along * light).length();
+        along + wide + half > 0.0 && aside <= wide + half + tan.abs() * (along + wide + half)
+    };
+    let under = |s: &crate::scene::Surface| scene.regions.iter().any(|region| shaded(s.mesh.bounds(), region));
+    let count = if scene.sun.shines() { scene.surfaces.iter().filter(|s| under(s)).count() } else { 0 };
+    let tau: f64 = scene.regions.iter().map(deepest).sum();
+    let reason = match (scene.surfaces.len(), count) {
+        (0, _) => "there is no surface".into(),
+        (_, 0) => "no region stands between the sun and a surface".into(),
+        (_, n) => format!("regions of optical depth up to {tau:.3} may shade {n} surfaces"),
+    };
+    Finding { there: count > 0 && tau > 0.0, figure: tau, bound: -(-tau).exp_m1(), reason }
+}
+
+/// A white surface under the sun sends 2 E cos over the half of directions that it fills; it fills no more than it is seen to.
+pub(super) fn surface_bounce(scene: &Scene) -> Finding {
+    let albedo = scene.surfaces.iter().flat_map(|s| s.albedo).fold(0.0, f64::max);
+    let regions = scene.region_bounds();
+    let (centre, half) = (regions.centre(), 0.5 * regions.size().length());
+    let seen = |s: &crate::scene::Surface| {
+        let b = s.mesh.bounds();
+        let (away, wide) = ((b.centre() - centre).length() - half, 0.5 * b.size().length());
+        // The share of all directions within the cone to a ball.
+        if away > wide { 0.5 * (1.0 - (1.0 - (wide / away).powi(2)).sqrt()) } else { 0.5 }
+    };
+    let bound = scene.surfaces.iter().map(|s| 4.0 * seen(s) * s.albedo.into_iter().fold(0.0, f64::max)).sum::<f64>();
+    let reason = if albedo > 0.0 && !scene.regions.is_empty() {
+        format!("surfaces reflect up to {:.1} %, and send regions at most {:.2} % of what the sun does", 100.0 * albedo, 100.0 * bound)
+    } else if scene.surfaces.is_empty() {
+        "there is no surface".into()
+    } else if albedo > 0.0 {
+        "there is no region".into()
+    } else {
+        "every surface is black".into()
+    };
+    Finding { there: albedo > 0.0, figure: bound, bound: if scene.regions.is_empty() { 0.0 } else { bound.min(1.0) }, reason }
+}
+
+/// Along the horizon layers have no end: what they take and give is bounded by nothing less than all.
+pub(super) fn air(scene: &Scene) -> Finding {
+    let depth = scene.air.depth().into_iter().fold(0.0, f64::max);
+    let reason = match scene.air.layers().count() {
+        0 => "there is no air".into(),
+        n => format!("{n} layers of air, of optical depth {depth:.3} straight up"),
+    };
+    Finding { there: depth > 0.0, figure: depth, bound: 1.0, reason }
+}
+
+/// The largest spread of a colour, over itself; of a medium, as often as light collides.
+pub(super) fn colour(scene: &Scene) -> Finding {
+    let spread = |rgb: [f64; 3]| {
+        let (low, high) = rgb.into_iter().fold((f64::INFINITY, 0.0f64), |(l, h), c| (l.min(c), h.max(c)));
+        if high > 0.0 { (high - low) / high } else { 0.0 }
+    };
+    let tau: f64 = scene.regions.iter().map(deepest).sum();
+    let media = most(scene, |r| spread(r.medium.sigma_s).max(spread(r.medium.sigma_t_rgb())));
+    let air = scene.air.layers().map(|l| spread(l.sigma_s).max(spread(l.sigma_a))).fold(0.0, f64::max);
+    let surfaces = scene.surfaces.iter().map(|s| spread(s.albedo)).fold(0.0, f64::max);
+    let lights = spread(scene.sun.irradiance).max(spread(scene.sky));
+    let figure = media.max(air).max(surfaces).max(lights);
+    let reason = if figure > 0.0 {
+        format!("colours differ by up to {:.2} % between channels", 100.0 * figure)
+    } else {
+        "sun, media and surfaces are grey: one number says all".into()
+    };
+    let often = if media > 0.0 { 3.0 * (1.0 + tau) * media } else { 0.0 };
+    Finding { there: figure > 0.0, figure, bound: (often + air + 3.0 * surfaces + lights).min(1.0), reason }
+}
+
+pub(super) fn duality(scene: &Scene, density: Density) -> Finding {
+    let reason = match density {
+        Density::Duality => format!("{} regions of the layout become photon-cloud regions", scene.regions.len()),
+        Density::Source => "this looks at the layout as it is (--density source): no region is made, and no photon traced for it".into(),
+    };
+    Finding { there: density == Density::Duality, figure: scene.regions.len() as f64, bound: 1.0, reason }
+}
+
+fn most(scene: &Scene, of: impl Fn(&Region) -> f64) -> f64 {
+    scene.regions.iter().map(of).fold(0.0, f64::max)
+}
+
+/// How many regions' bounds meet another's.
+fn overlapping(regions: &[Region]) -> usize {
+    if regions.iter().any(|r| r.shape.is_endless()) && regions.len() > 1 {
+        return regions.len();
+    }
+    let origin = regions.first().map_or(DVec3::ZERO, |r| r.shape.centre());
+    let boxes: Vec<Box3> = regions.iter().map(|r| Box3::around(r.shape.bounds(), origin)).collect();
+    let bvh = Bvh::new(&boxes.iter().copied().map(Some).collect::<Vec<_>>(), 2);
+    (0..boxes.len())
+        .filter(|&i| {
+            let mut met = false;
+            bvh.overlapping(&boxes[i], |other| {
+                met |= other as usize != i && boxes[other as usize].meets(&boxes[i]);
+                met
+            });
+            met
+        })
+        .count()
+}

@@ -1,0 +1,89 @@
+//! Every effect has a scene on either side of its rule; wishes; what is taken out of a scene.
+
+use super::*;
+use crate::scene::air::AirLayer;
+use crate::scene::{Medium, Mesh, Shape};
+use glam::DVec3;
+
+fn scene(second_at: f64) -> Scene {
+    let sphere = |x: f64| Region {
+        name: "s".into(),
+        shape: Shape::sphere(DVec3::new(x, 0.0, 0.0), 1.0),
+        medium: Medium::with_albedo(5.0, 1.0, 0.0),
+        photons: None,
+    };
+    Scene { regions: vec![sphere(0.0), sphere(second_at)], ..Scene::default() }
+}
+
+fn ground(z: f64, albedo: f64) -> Surface {
+    let corner = |x: f64, y: f64| DVec3::new(x, y, z);
+    let vertices = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0)];
+    Surface { name: "ground".into(), mesh: Mesh { vertices, triangles: vec![[0, 1, 2]] }, albedo: [albedo; 3] }
+}
+
+fn on(scene: &Scene, name: EffectName) -> bool {
+    Plan::for_scene(scene, Density::Source).on(name)
+}
+
+#[test]
+fn each_effect_is_on_only_where_the_scene_calls_for_it() {
+    use EffectName::*;
+    let bare = scene(5.0);
+    for name in [Absorption, Anisotropy, Heterogeneity, Overlap, Sky, SurfaceShadow, CloudShadow, SurfaceBounce, Air, Colour, Duality] {
+        assert!(!on(&bare, name), "{name:?}");
+    }
+    assert!(on(&bare, MultipleScattering) && on(&bare, SunDisc));
+    let mut full = scene(1.5);
+    full.regions[0].medium = Medium::with_albedo(5.0, 0.9, 0.8);
+    full.regions[1].medium.sigma_s = [4.0, 5.0, 6.0];
+    full.surfaces = vec![ground(-3.0, 0.3)];
+    full.sky = [0.1; 3];
+    full.air = crate::scene::Air::new([AirLayer::molecules(-10.0)]);
+    let plan = Plan::for_scene(&full, Density::Duality);
+    for name in [Absorption, Anisotropy, Overlap, Sky, SurfaceShadow, CloudShadow, SurfaceBounce, Air, Colour, Duality] {
+        assert!(plan.on(name), "{name:?}");
+    }
+    let change = |of: &dyn Fn(&mut Scene)| {
+        let mut other = full.clone();
+        of(&mut other);
+        other
+    };
+    // A sun that is a point; a surface that is black, that is upstream, that is too far to be seen from the regions.
+    assert!(!on(&change(&|s| s.sun.angular_diameter = 1e-6), SunDisc));
+    assert!(!on(&change(&|s| s.surfaces = vec![ground(-3.0, 0.0)]), SurfaceBounce));
+    assert!(!on(&change(&|s| s.surfaces = vec![ground(30.0, 0.3)]), CloudShadow));
+    assert!(!on(&change(&|s| s.surfaces = vec![ground(-300.0, 0.3)]), SurfaceBounce));
+    let thin = change(&|s| s.regions.iter_mut().for_each(|r| r.medium = Medium::with_albedo(1e-5, 1.0, 0.0)));
+    assert!(!on(&thin, MultipleScattering));
+    assert!(Plan::for_scene(&thin, Density::Duality).on(MultipleScattering), "the duality is made of what scatters twice");
+}
+
+/// Orders that matter grow with depth, and with what may be left out they fall.
+#[test]
+fn as_many_orders_as_matter() {
+    let orders = |sigma: f64, tolerance: f64| {
+        let mut scene = scene(5.0);
+        scene.regions.truncate(1);
+        scene.regions[0].medium = Medium::with_albedo(sigma, 1.0, 0.7);
+        scene.wishes.tolerance = tolerance;
+        Plan::for_scene(&scene, Density::Source).orders
+    };
+    assert_eq!((orders(1e-5, 1e-3), orders(10.0, 1e-3)), (Some(1), None));
+    let (few, more, most) = (orders(0.05, 0.05).unwrap(), orders(0.05, 1e-3).unwrap(), orders(0.3, 1e-3).unwrap());
+    assert!(1 < few && few < more && more < most, "{few} {more} {most}");
+}
+
+#[test]
+fn wishes_come_first() {
+    let mut scene = scene(5.0);
+    scene.regions[0].medium = Medium::with_albedo(5.0, 0.9, 0.8);
+    let wishes = scene.wishes.with(EffectName::Anisotropy, Some(false)).with(EffectName::Absorption, Some(false));
+    scene.wishes = wishes;
+    let plan = Plan::for_scene(&scene, Density::Source);
+    let without = plan.scene(&scene);
+    assert!(without.regions.iter().all(|r| r.medium.g == 0.0 && r.medium.albedo() == 1.0 && (r.medium.sigma_t() - 5.0).abs() < 1e-12));
+    let effect = plan.effects.iter().find(|e| e.name == EffectName::Anisotropy).unwrap();
+    assert!(!effect.on && effect.bound == 1.0 && effect.reason.contains("--effect"));
+    scene.wishes = wishes.with(EffectName::Anisotropy, None).with(EffectName::Absorption, None);
+    assert!(matches!(Plan::for_scene(&scene, Density::Source).scene(&scene), Cow::Borrowed(_)), "nothing is left out, nothing is copied");
+}
