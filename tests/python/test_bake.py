@@ -7,41 +7,10 @@ import pytest
 import command
 import cumulus
 import peers
-from blender import blender
+from bakes import shown
 
 MEDIUM = ["--sigma-t", "8", "--albedo", "0.999", "-g", "0.85"]
 VIEW = ["--camera", "0,-5.2,0.2", "--look-at", "0,0,0.2", "--fov", "43", "--sun", "0.8,0.4,-0.6", "--irradiance", "3", "--size", "48x36"]
-#: Runs a script that the command has written, and takes its picture.
-SHOW = """
-import runpy
-start()
-runpy.run_path(given["setup"], run_name="__main__")
-scene = bpy.context.scene
-scene.cycles.samples, scene.cycles.pixel_filter_type, scene.cycles.use_adaptive_sampling = given["samples"], "BOX", False
-scene.cycles.volume_bounces = scene.cycles.max_bounces = given["bounces"]
-material = next(m for m in bpy.data.materials if "Live Volume" in m.node_tree.nodes)
-if given["live"]:
-    material.node_tree.nodes["Live"].outputs[0].default_value = 1.0
-for name, factor in given["factors"].items():
-    material.node_tree.nodes["Baked Light"].inputs[name].default_value = factor
-live = material.node_tree.nodes["Live Volume"]
-out["live"] = [live.inputs["Anisotropy"].default_value, live.inputs["Density"].links[0].from_node.outputs[0].default_value]
-out["things"] = sorted(thing.type for thing in scene.objects)
-out["size"] = [scene.render.resolution_x, scene.render.resolution_y]
-images = []
-for place in given["places"]:
-    if place:
-        scene.camera.location = place
-        scene.camera.rotation_euler = (Vector((0, 0, 0.2)) - Vector(place)).to_track_quat("-Z", "Y").to_euler()
-    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
-    scene.render.filepath = os.path.abspath("shot.exr")
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    w, h = image.size
-    images.append(np.array(image.pixels[:], np.float32).reshape(h, w, 4)[::-1, :, :3])
-    bpy.data.images.remove(image)
-arrays["images"] = np.array(images)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -57,10 +26,6 @@ def baked(cloud, folder, bake, *more, photons="200k", view=VIEW):
     command.succeed(cloud, "-o", folder / f"{bake}.vdb", "-o", script, "-o", report, "--overwrite", "-q", "--bake", bake, "--photons", photons,
                     *MEDIUM, *view, *more)
     return script, json.loads(report.read_text())
-
-
-def shown(script, samples=4, bounces=0, live=False, factors=None, places=(None,), python=None):
-    return blender(SHOW, python=python, setup=str(script), samples=samples, bounces=bounces, live=live, factors=factors or {}, places=places)
 
 
 def truth(cloud, folder, *more, view=VIEW, spp=300):
