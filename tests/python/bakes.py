@@ -29,6 +29,7 @@ out["size"] = [scene.render.resolution_x, scene.render.resolution_y]
 scene.render.resolution_percentage = 100 * given["scale"]
 scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
 scene.render.filepath = os.path.abspath("shot.exr")
+scene.render.use_persistent_data = given["persistent"]
 images, out["seconds"] = [], []
 for place in given["places"]:
     if place:
@@ -48,10 +49,10 @@ arrays["images"] = np.array(images)
 
 
 def shown(script, samples=4, bounces=0, live=False, factors=None, places=(None,), python=None, eevee=False, shots=1, scale=1,
-          timeout=900):
+          persistent=False, timeout=900):
     """The pictures from `places` (None: the bake's own camera), the last of `shots` each; `seconds` of all shots."""
     return blender(SHOW, python=python, setup=str(script), samples=samples, bounces=bounces, live=live, factors=factors or {}, places=places,
-                   eevee=eevee, shots=shots, scale=scale, timeout=timeout)
+                   eevee=eevee, shots=shots, scale=scale, persistent=persistent, timeout=timeout)
 
 
 def off(image, truths, size=1):
