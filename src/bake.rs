@@ -65,9 +65,9 @@ pub enum Term {
     Sunlight,
     /// A lobe about the sun's light: times the phase function of its own mean cosine, one of [`Baked::lobes`].
     Glow,
-    /// A lobe of the same mean cosine h about the flow of all light but `sunlight`, which goes along (`light_3`, `light_1`, `light_2`)
-    /// + `glow` h sqrt(3 / 4 pi) s, s being the direction of the sun's light; of its Legendre series only what is beyond the degrees of the
-    /// harmonics.
+    /// A lobe of the same mean cosine h about the flow of all light but `sunlight`; of its Legendre series only what is beyond the degrees
+    /// of the harmonics. With s, the direction of the sun's light, the flow goes along the sum of (`light_3`, `light_1`, `light_2`) and
+    /// `glow` h sqrt(3 / 4 pi) s.
     Flow,
     /// The coefficient of a spherical harmonic.
     Harmonic(usize),
