@@ -70,9 +70,11 @@ crosscheck: build test-packages $(VENV)/.crosscheck ## The longer comparisons, w
 	cargo test --release --lib --test oracles --test plan -- --ignored --nocapture
 	$(PYTEST) -m long
 
-crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second and noise, beside Cycles and Mitsuba; the grid integrator
+crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second and noise, beside Cycles and Mitsuba; the grid integrator; baked light
 	$(VENV)/bin/python tests/python/speed.py
 	$(VENV)/bin/python tests/python/grid_error.py
+	$(VENV)/bin/python tests/python/denoised.py
+	$(VENV)/bin/python tests/python/bake_error.py
 
 lint: build-packages rust ## Formatting and clippy
 	cargo fmt --check

@@ -31,7 +31,7 @@ class Tree:
         return cls(block.node_tree)
 
     def __init__(self, tree):
-        self.tree, self.column = tree, 0
+        self.tree, self.column, self.grids = tree, 0, {}
 
     def node(self, kind, **settings):
         """A new node, beside the last one."""
@@ -51,7 +51,9 @@ class Tree:
 
     def grid(self, name):
         """The samples of a grid."""
-        return self.node("ShaderNodeAttribute", attribute_name=name, label=name).outputs[2]
+        if name not in self.grids:
+            self.grids[name] = self.node("ShaderNodeAttribute", attribute_name=name, label=name).outputs[2]
+        return self.grids[name]
 
     def math(self, operation, *values):
         """A number."""
@@ -132,11 +134,12 @@ def group(name, cloud):
         _socket(nodes, light, "INPUT", "NodeSocketFloat")
     _socket(nodes, "Light", "OUTPUT", "NodeSocketColor")
     factors, out = tree.node("NodeGroupInput"), tree.node("NodeGroupOutput")
+    sunlight = _sunlight(tree, cloud["sun"])
     viewer = _viewer(tree) if any("light" not in part["grids"] for part in bake["parts"]) else None
     whole = None
     for part in bake["parts"]:
-        number = _toward(tree, part, viewer, bake["g"], cloud["sun"]["direction"])
-        number = tree.math("MULTIPLY", number, part["scale"])
+        number = _toward(tree, part, viewer, bake, sunlight)
+        number = tree.math("MULTIPLY", number, _number(tree, "Scale", part, "scale"))
         number = tree.math("MULTIPLY", number, factors.outputs[names.index(LIGHTS[part["light"]])])
         colour = tree.vector("SCALE", tuple(part["tint"]), scale=number)
         whole = colour if whole is None else tree.vector("ADD", whole, colour)
@@ -144,16 +147,20 @@ def group(name, cloud):
     return nodes
 
 
-def _toward(tree, part, viewer, g, sunlight):
+def _toward(tree, part, viewer, bake, sunlight):
     """What a light's grids send toward the viewer, in units of its scale."""
     grids, terms = part["grids"], []
+    lobe = _number(tree, "Lobe", part, "glow") if "glow" in grids or "flow" in grids else 0.0
     for key, name in grids.items():
         samples = tree.grid(name)
         if key == "light":
             terms.append(samples)
         elif key in ("sunlight", "glow"):
-            cosine = tree.vector("DOT_PRODUCT", viewer, tuple(sunlight))
-            terms.append(tree.math("MULTIPLY", samples, _phase(tree, cosine, g if key == "sunlight" else part["glow"])))
+            cosine = tree.vector("DOT_PRODUCT", viewer, sunlight)
+            terms.append(tree.math("MULTIPLY", samples, _phase(tree, cosine, bake["g"] if key == "sunlight" else lobe)))
+        elif key == "flow":
+            cosine = tree.vector("DOT_PRODUCT", viewer, _flow(tree, grids, lobe, sunlight))
+            terms.append(tree.math("MULTIPLY", samples, _beyond(tree, cosine, lobe, 2 if bake["bake"] == "sh2" else 1)))
         else:
             terms.append(tree.math("MULTIPLY", samples, _harmonic(tree, viewer, int(key))))
     if not terms:
@@ -169,10 +176,77 @@ def _viewer(tree):
     return tree.vector("NORMALIZE", turn.outputs[0])
 
 
+def _number(tree, label, part, key):
+    """A number of a part; where frames have their own, a node for it with a key for each."""
+    if not part.get("frames"):
+        return part[key]
+    node = tree.node("ShaderNodeValue", name=f"{label} {part['light']}", label=label)
+    _key(tree, node.outputs[0], [(frame, numbers[key]) for frame, numbers in part["frames"]])
+    return node.outputs[0]
+
+
+def _sunlight(tree, sun):
+    """The way of the sun's light: a vector; a node with keys where frames have their own."""
+    if not sun.get("frames"):
+        return tuple(sun["direction"])
+    node = tree.node("ShaderNodeCombineXYZ", name="Sunlight", label="Sunlight")
+    for axis in range(3):
+        _key(tree, node.inputs[axis], [(frame, way[axis]) for frame, way in sun["frames"]])
+    return tree.vector("NORMALIZE", node.outputs[0])
+
+
+def _key(tree, socket, frames):
+    """A key for each frame, each held until the next."""
+    for frame, value in frames:
+        socket.default_value = value
+        socket.keyframe_insert("default_value", frame=frame)
+    socket.default_value = frames[0][1]
+    for curve in curves(tree.tree):
+        for point in curve.keyframe_points:
+            point.interpolation = "CONSTANT"
+
+
+def curves(tree):
+    """The curves of what moves in a node tree; in Blender 5 they are in bags of an action's layers."""
+    action = tree.animation_data.action if tree.animation_data else None
+    if action is None:
+        return []
+    if hasattr(action, "fcurves"):
+        return list(action.fcurves)
+    return [curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves]
+
+
 def _phase(tree, cosine, g):
     """The Henyey-Greenstein function, 1/sr."""
-    base = tree.math("MULTIPLY_ADD", cosine, -2.0 * g, 1.0 + g * g)
-    return tree.math("DIVIDE", (1.0 - g * g) / (4.0 * math.pi), tree.math("POWER", base, 1.5))
+    if not isinstance(g, bpy.types.NodeSocket):
+        base = tree.math("MULTIPLY_ADD", cosine, -2.0 * g, 1.0 + g * g)
+        return tree.math("DIVIDE", (1.0 - g * g) / (4.0 * math.pi), tree.math("POWER", base, 1.5))
+    square = tree.math("MULTIPLY", g, g)
+    base = tree.math("MULTIPLY_ADD", cosine, tree.math("MULTIPLY", g, -2.0), tree.math("ADD", square, 1.0))
+    whole = tree.math("MULTIPLY_ADD", square, -1.0 / (4.0 * math.pi), 1.0 / (4.0 * math.pi))
+    return tree.math("DIVIDE", whole, tree.math("POWER", base, 1.5))
+
+
+def _beyond(tree, cosine, g, degree):
+    """The Henyey-Greenstein function less its degrees 0 to `degree`, 1 or 2."""
+    along = tree.math("MULTIPLY", cosine, g)
+    low = tree.math("MULTIPLY_ADD", along, -3.0, -1.0)
+    if degree == 2:
+        # 5 g^2 (3 c^2 - 1) / 2
+        low = tree.math("MULTIPLY_ADD", tree.math("MULTIPLY", along, along), -7.5, low)
+        low = tree.math("MULTIPLY_ADD", tree.math("MULTIPLY", g, g), 2.5, low)
+    return tree.math("MULTIPLY_ADD", low, 1.0 / (4.0 * math.pi), _phase(tree, cosine, g))
+
+
+def _flow(tree, grids, lobe, sunlight):
+    """The direction in which light goes, that of the sun left out which scattered once."""
+    first = HARMONICS[1][0]
+    flow = tree.node("ShaderNodeCombineXYZ")
+    for axis, key in enumerate("312"):
+        if key in grids:
+            tree.put(tree.grid(grids[key]), flow.inputs[axis])
+    along = tree.math("MULTIPLY", tree.grid(grids["glow"]), tree.math("MULTIPLY", lobe, first)) if "glow" in grids else 0.0
+    return tree.vector("NORMALIZE", tree.vector("ADD", flow.outputs[0], tree.vector("SCALE", sunlight, scale=along)))
 
 
 def _harmonic(tree, direction, number):

@@ -40,12 +40,51 @@ def _triple(vector):
     return ",".join(f"{number:.9g}" for number in vector)
 
 
-def cloud(report, metadata):
-    """What `baked.material` has to know of a cloud, from the command's report and the VDB's metadata."""
+def cloud(report, metadata, history=()):
+    """What `baked.material` has to know of a cloud, from the command's report and the VDB's metadata; `history` is (frame, report,
+    metadata) of each frame of a sequence."""
     albedo = metadata.get("albedo", 1.0)
-    direction = [float(number) for number in metadata.get("sun_direction", "0 0 -1").split()]
-    return {"density": report["vdb"]["density_scale"], "albedo": [albedo] * 3, "anisotropy": metadata.get("g", 0.0),
-            "sun": {"direction": direction}, "bake": _light(report.get("bake"))}
+    sun = {"direction": _direction(metadata)}
+    light = _light(report.get("bake"))
+    if light and history:
+        told = [(frame, _light(said["bake"])["parts"]) for frame, said, _ in history]
+        for number, part in enumerate(light["parts"]):
+            # What is nowhere in one frame may be somewhere in another.
+            for _, parts in told:
+                part["grids"].update(parts[number]["grids"])
+            part["frames"] = _changes([(frame, {key: parts[number][key] for key in ("scale", "glow")}) for frame, parts in told])
+        sun["frames"] = _changes([(frame, _direction(said)) for frame, _, said in history])
+    return {"density": report["vdb"]["density_scale"], "albedo": [albedo] * 3, "anisotropy": metadata.get("g", 0.0), "sun": sun, "bake": light}
+
+
+def _changes(frames):
+    """(frame, value) of each frame, where not all values are one."""
+    return frames if any(value != frames[0][1] for _, value in frames) else []
+
+
+def _direction(metadata):
+    """The way of the sun's light."""
+    return [float(number) for number in metadata.get("sun_direction", "0 0 -1").split()]
+
+
+def alike(first, other):
+    """Whether a frame's light can be shown by the material of the first one's."""
+    def fixed(report):
+        said = report.get("bake") or {"parts": ()}
+        return said.get("bake"), round(said.get("g", 0.0), 5), [(part["light"], [round(c, 5) for c in part["tint"]]) for part in said["parts"]]
+
+    return fixed(first) == fixed(other)
+
+
+def quality(report):
+    """How far baked light is off the path tracer's, by the report; "" where nobody looked."""
+    said = report.get("bake")
+    if not said or not said["errors"]:
+        return ""
+    errors = [error["rms"] for error in said["errors"]]
+    if said["bake"] == "view":
+        return f", baked light off by {100 * errors[0]:.1f} % in blocks of 8 pixels"
+    return f", baked light off by {100 * min(errors):.1f} to {100 * max(errors):.1f} % in blocks of 8 pixels, from {len(errors)} sides"
 
 
 def _light(said):

@@ -11,6 +11,8 @@ from .errors import CloudError
 
 #: Our own properties, which Blender before 5.0 takes for custom properties.
 PRIVATE = ("cloudvdb_settings", "cloudvdb_record")
+#: The exporter's key for a node's light, and the lumens that it makes of a watt.
+LIGHTS, LUMENS = "KHR_lights_punctual", 683.0
 #: What is being written by `write`; `None` while the user exports.
 _request = None
 
@@ -67,6 +69,7 @@ class glTF2ExportUserExtension:
         _extras(node, thing, _cast(thing, said) if _request else said)
         if thing.type == "LIGHT" and thing.data.type == "SUN":
             self.suns[id(node)] = thing.data.angle
+            _shine(node, thing.data, export_settings)
         if thing.type == "META" and not (_request and thing not in _request.regions):
             value = metaballs.to_extension(thing, export_settings.get("gltf_yup", True))
             if value:
@@ -119,6 +122,30 @@ def _extras(element, block, said):
     element.extras = extras or None
 
 
+def _shine(node, lamp, export_settings):
+    """Sets the intensity of a Sun's node, lux: where a lamp has nodes the exporter takes their strength alone, in 5.2 from every lamp."""
+    strength, light = strength_of(lamp), getattr((node.extensions or {}).get(LIGHTS), "extension", {}).get("light")
+    if strength is None or light is None:
+        return
+    lumens = LUMENS if export_settings.get("gltf_lighting_mode", "SPEC") == "SPEC" else 1.0
+    light.extension["intensity"] = lumens * strength * 2.0 ** getattr(lamp, "exposure", 0.0)
+
+
+def strength_of(lamp):
+    """A Sun's strength as renders have it, W/m2 before its exposure: its own, in Cycles times that of its nodes. `None` where other nodes
+    than one Emission make it, or its size."""
+    if not getattr(lamp, "normalize", True):
+        return None
+    if bpy.context.scene.render.engine != "CYCLES" or not lamp.use_nodes or not lamp.node_tree:
+        return lamp.energy
+    out = lamp.node_tree.get_output_node("CYCLES")
+    links = out.inputs["Surface"].links if out else ()
+    emission = links[0].from_node if links else None
+    if emission is None or emission.type != "EMISSION" or emission.inputs["Strength"].is_linked:
+        return None
+    return lamp.energy * emission.inputs["Strength"].default_value
+
+
 def _walk(nodes):
     for node in nodes:
         yield node
@@ -132,7 +159,7 @@ def suns(scene):
 
 def sun_of(scene):
     """The Sun that shines on clouds: the strongest; the first of equals."""
-    return max(suns(scene), key=lambda thing: thing.data.energy, default=None)
+    return max(suns(scene), key=lambda thing: strength_of(thing.data) or thing.data.energy, default=None)
 
 
 def write(path, request):

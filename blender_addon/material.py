@@ -127,10 +127,13 @@ def look(tree, name=""):
     """A print of all that a node tree looks like; not of where its nodes are."""
     if tree is None:
         return ""
-    nodes = [(node.name, node.bl_idname, node.mute, [getattr(node, key, None) for key in SAID], [_plain(s) for s in (*node.inputs, *node.outputs)])
-             for node in tree.nodes]
+    curves = [(curve.data_path, [tuple(point.co) for point in curve.keyframe_points]) for curve in baked.curves(tree)]
+    # Of what moves, the curve is its look, and not where it is now.
+    moving = {path.split('"')[1] for path, _ in curves if path.startswith('nodes["')}
+    nodes = [(node.name, node.bl_idname, node.mute, [getattr(node, key, None) for key in SAID],
+              [] if node.name in moving else [_plain(s) for s in (*node.inputs, *node.outputs)]) for node in tree.nodes]
     links = [(link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier) for link in tree.links]
-    return hashlib.sha256(repr((name, sorted(nodes, key=lambda node: node[0]), sorted(links))).encode()).hexdigest()
+    return hashlib.sha256(repr((name, sorted(nodes, key=lambda node: node[0]), sorted(links), sorted(curves))).encode()).hexdigest()
 
 
 def _plain(socket):

@@ -10,9 +10,9 @@ COLLECTION = "Clouds"
 SOLID = 8.0
 
 
-def place(scene, things, name, path, report, settings, frames=None):
+def place(scene, things, name, path, report, settings, frames=None, history=()):
     """Puts the grid at `path` into the scene: a new Volume, or in place of the one that this layout made before, whose transforms
-    and material stay. `frames` is (first, count) of a sequence. Returns the object and sentences for the user."""
+    and material stay. `frames` is (first, count) of a sequence, `history` what each was told (`baking.cloud`). Returns the object and sentences for the user."""
     cloud = layout.existing(scene, things)
     told = []
     if cloud is None:
@@ -24,7 +24,7 @@ def place(scene, things, name, path, report, settings, frames=None):
     offset = -0.5 * report["vdb"]["voxel_size"] if bpy.app.version < (5, 0, 0) else 0.0
     moved = Matrix.Translation((offset - record.offset,) * 3)
     cloud.matrix_basis = cloud.matrix_basis @ moved
-    known = baking.cloud(report, vdb_metadata.read(path))
+    known = baking.cloud(report, vdb_metadata.read(path), history)
     medium = (known["density"], known["albedo"][0], known["anisotropy"])
     told += material.dress(cloud, known) + baking.advice(scene, known)
     # Thick clouds are flat shapes in the Solid view: there they are as thin as light and shade can be seen.

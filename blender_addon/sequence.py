@@ -7,7 +7,7 @@ import shutil
 
 import bpy
 
-from . import binary, layout, output, result, takes, vdb_metadata
+from . import baking, binary, layout, output, result, takes, vdb_metadata
 from .errors import CloudError
 from .task import Task, describe, scene_of, settings_of
 
@@ -94,7 +94,9 @@ class Sequence(Task):
         else:
             if not self.fresh and os.path.isfile(self.path(frame)):
                 self.new_take()
-            self.start(settings, path, self.voxel_size)
+            # Baked light is compared with the path tracer's in the first frame alone.
+            unchecked = self.at > 0 and settings.bake != "none"
+            self.start(settings, path, self.voxel_size, ["--no-check"] if unchecked else [])
 
     def keep(self, frame, report):
         """A frame is made: its file goes to its place, and into the list of what is done."""
@@ -117,14 +119,22 @@ class Sequence(Task):
         elif abs(report["vdb"]["density_scale"] / self.report["vdb"]["density_scale"] - 1) > 1e-3:
             self.told.append(f"Frame {frame} has Density {report['vdb']['density_scale']:.4g}, the first {self.report['vdb']['density_scale']:.4g}: "
                              "give the objects one medium")
+        if not baking.alike(self.report, report):
+            self.told.append(f"Frame {frame} has baked light of other colours or phase functions than the first, whose material shows it: "
+                             "let the lights keep their colours, and give the objects one medium")
         self.job, self.at = None, self.at + 1
+
+    def history(self):
+        """Of each frame its number, report and metadata, where the light of all can be shown by one material."""
+        frames = [(frame, self.done[str(frame)]["report"], vdb_metadata.read(self.path(frame))) for frame in self.frames]
+        return frames if all(baking.alike(self.report, report) for _, report, _ in frames) else []
 
     def finish(self):
         scene, settings = scene_of(self.scene), settings_of(self.scene)
         scene.frame_set(self.shown)
         self.workshop.clear()
         cloud, told = result.place(scene, self.things(scene), self.name, self.path(self.frames[0]), self.report, settings,
-                                   frames=(self.frames[0], len(self.frames)))
+                                   frames=(self.frames[0], len(self.frames)), history=self.history())
         takes.wrote(self.stem)
         self.told += told
         self.summary = f'"{cloud.name}": {len(self.frames)} frames, {self.made} of them new; the first: {describe(self.report)}'

@@ -68,10 +68,10 @@ class Task:
         """The command's flags; light is baked into VDBs alone."""
         return arguments(settings, voxel_size) + (baking.flags(settings) if self.OUTPUT.endswith(".vdb") else [])
 
-    def start(self, settings, path, voxel_size=None):
-        """Starts the command on an exported layout."""
+    def start(self, settings, path, voxel_size=None, more=()):
+        """Starts the command on an exported layout, with `more` flags that change nothing in its VDB."""
         self.job = Job([self.command, path, "-o", self.workshop.file(self.OUTPUT), "--json", "--progress", "json",
-                        *self.flags(settings, voxel_size), "--overwrite"])
+                        *self.flags(settings, voxel_size), *more, "--overwrite"])
 
     def fraction(self):
         """How far it is, 0 to 1."""
@@ -119,7 +119,7 @@ def describe(report):
     regions, vdb = report["regions"], report["vdb"]
     voxels = sum(grid["active_voxels"] for grid in vdb["grids"])
     made = f"{regions['synthesised']} regions from {regions['source']}" if regions["synthesised"] else f"{regions['source']} regions as sketched"
-    return f"{made}, {voxels:,} voxels of {vdb['voxel_size']:.4g} m, Density {vdb['density_scale']:.4g}, {report['seconds']:.1f} s"
+    return f"{made}, {voxels:,} voxels of {vdb['voxel_size']:.4g} m, Density {vdb['density_scale']:.4g}, {report['seconds']:.1f} s{baking.quality(report)}"
 
 
 def scene_of(name):

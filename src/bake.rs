@@ -9,10 +9,11 @@
 //! | --- | --- | --- |
 //! | [`Bake::View`] | `light` | `light` |
 //! | [`Bake::Isotropic`] | `light` | `light` |
-//! | [`Bake::Sh1`], [`Bake::Sh2`] | `sunlight`, `glow`, `light_0` to `light_3` or `_8` | `sunlight` p(g, c) + `glow` p(h, c) + the sum of `light_i` Y_i(omega) |
+//! | [`Bake::Sh1`], [`Bake::Sh2`] | `sunlight`, `glow`, `flow`, `light_0` to `light_3` or `_8` | `sunlight` p(g, c) + `glow` p(h, c) + `flow` q(h, d) + the sum of `light_i` Y_i(omega) |
 //!
-//! times the part's scale, W m^-2 sr^-1; c is the cosine between `omega` and the sun's light, p the Henyey-Greenstein function, Y the
-//! real orthonormal spherical harmonics of z up, in the order of degrees and of m. Where the sun's light and the sky's have different
+//! times the part's scale, W m^-2 sr^-1; c is the cosine between `omega` and the sun's light, p the Henyey-Greenstein function, d the
+//! cosine between `omega` and the local flow of light ([`Term::Flow`]), q the Henyey-Greenstein function less the degrees that the
+//! harmonics have, Y the real orthonormal spherical harmonics of z up, in the order of degrees and of m. Where the sun's light and the sky's have different
 //! colours, or the medium has one, each light has grids of its own: `light_sun` and `light_sky`, or `light_red` and so on.
 
 use crate::error::Result;
@@ -64,6 +65,10 @@ pub enum Term {
     Sunlight,
     /// A lobe about the sun's light: times the phase function of its own mean cosine, one of [`Baked::lobes`].
     Glow,
+    /// A lobe of the same mean cosine h about the flow of all light but `sunlight`; of its Legendre series only what is beyond the degrees
+    /// of the harmonics. With s, the direction of the sun's light, the flow goes along the sum of (`light_3`, `light_1`, `light_2`) and
+    /// `glow` h sqrt(3 / 4 pi) s.
+    Flow,
     /// The coefficient of a spherical harmonic.
     Harmonic(usize),
 }
@@ -132,8 +137,9 @@ impl Baked {
                 Bake::Sh1 | Bake::Sh2 => {
                     one("sunlight", Term::Sunlight, numbers.grid(|n| n[0]));
                     one("glow", Term::Glow, numbers.grid(|n| n[1]));
-                    for i in 0..source.numbers() - 2 {
-                        one(&format!("light_{i}"), Term::Harmonic(i), numbers.grid(|n| n[2 + i]));
+                    one("flow", Term::Flow, numbers.grid(|n| n[2]));
+                    for i in 0..source.numbers() - 3 {
+                        one(&format!("light_{i}"), Term::Harmonic(i), numbers.grid(|n| n[3 + i]));
                     }
                 }
             }
@@ -146,5 +152,5 @@ impl Baked {
 /// The mean over all directions of sunlight, lobe and first harmonic.
 fn isotropic(numbers: &[f32]) -> f32 {
     const MEAN: f64 = 1.0 / (4.0 * PI);
-    ((f64::from(numbers[0]) + f64::from(numbers[1])) * MEAN + f64::from(numbers[2]) * MEAN.sqrt()) as f32
+    ((f64::from(numbers[0]) + f64::from(numbers[1])) * MEAN + f64::from(numbers[3]) * MEAN.sqrt()) as f32
 }

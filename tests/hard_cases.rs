@@ -436,7 +436,7 @@ fn files_without_a_camera_and_without_hope() {
             photons: 20_000,
             duality: Duality { placement: Placement::Importance, seed: 1, ..Duality::default() },
             vdb: VdbOptions { voxel_size: None, max_voxels: 1 << 20, up: Up::Z, half: false, grids: vec![GridName::Density] },
-            bake: cloudvdb::pipeline::Baking::default(),
+            bake: cloudvdb::pipeline::Baking { checked: true, ..Default::default() },
             picture: cloudvdb::pipeline::Picture::default(),
             dry_run: false,
         }

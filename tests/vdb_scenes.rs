@@ -336,7 +336,7 @@ fn a_vdb_goes_through_the_pipeline() {
         photons: 1000,
         duality: Default::default(),
         vdb: VdbOptions { voxel_size: None, max_voxels: 1 << 20, up: Up::Z, half: false, grids: vec![GridName::Density] },
-        bake: cloudvdb::pipeline::Baking::default(),
+        bake: cloudvdb::pipeline::Baking { checked: true, ..Default::default() },
         picture: Picture::default(),
         dry_run: false,
     };
@@ -405,7 +405,7 @@ fn the_duality_of_a_vdb_is_written_lit_and_balanced() {
         photons: 20_000,
         duality: Duality { model, ..Duality::default() },
         vdb: VdbOptions { voxel_size: None, max_voxels: 1 << 22, up: Up::Z, half: false, grids: vec![GridName::Density] },
-        bake: cloudvdb::pipeline::Baking::default(),
+        bake: cloudvdb::pipeline::Baking { checked: true, ..Default::default() },
         picture: Picture { spp: Some(4), ..Picture::default() },
         dry_run: false,
     };

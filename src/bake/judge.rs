@@ -1,6 +1,6 @@
 //! How far a bake is off: its picture against the path tracer's, from its own camera and from others.
 
-use super::{Baked, Term};
+use super::{Bake, Baked, Term};
 use crate::error::Result;
 use crate::film::Film;
 use crate::geom::Bounds;
@@ -14,6 +14,7 @@ use crate::scene::phase::henyey_greenstein;
 use crate::scene::{BrickGrid, Camera, Medium, Region, Scene, Shape, VoxelGrid};
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use serde::Serialize;
+use smallvec::{SmallVec, smallvec};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -135,29 +136,50 @@ impl<'a> Lookup<'a> {
         for (number, grids) in self.parts.iter().enumerate() {
             let Some(first) = grids.first() else { continue };
             let part = &self.baked.parts[number];
-            let mut value = 0.0;
+            let mut values: SmallVec<[f64; 16]> = smallvec![0.0; grids.len()];
             for corner in 0..8usize {
                 let side = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
                 let weight: f64 = (0..3).map(|a| if side[a] == 1 { f[a] } else { 1.0 - f[a] }).product();
                 let index: [i32; 3] = std::array::from_fn(|a| base[a] as i32 + side[a] as i32);
                 let Ok(brick) = first.bricks.origins.binary_search(&index.map(|i| i & !(BRICK_SIDE - 1))) else { continue };
                 let [x, y, z] = index.map(|i| (i & (BRICK_SIDE - 1)) as usize);
-                for grid in grids {
-                    value += weight * f64::from(grid.bricks.brick(brick)[x << 6 | y << 3 | z]) * self.share(grid.term, number, outward);
+                for (value, grid) in values.iter_mut().zip(grids) {
+                    *value += weight * f64::from(grid.bricks.brick(brick)[x << 6 | y << 3 | z]);
                 }
             }
+            let terms = || grids.iter().map(|grid| grid.term).zip(values.iter().copied());
+            let flow = self.flow(number, terms());
+            let value: f64 = terms().map(|(term, value)| value * self.share(term, number, outward, flow)).sum();
             sum += DVec3::from_array(part.tint) * (part.scale * value.max(0.0));
         }
         sum.as_vec3()
     }
 
+    /// The direction in which all light but that of the sun that scattered once goes; 0 where it goes nowhere.
+    fn flow(&self, part: usize, terms: impl Iterator<Item = (Term, f64)>) -> DVec3 {
+        let first = (3.0 / (2.0 * TAU)).sqrt();
+        let sum = terms.fold(DVec3::ZERO, |sum, (term, value)| match term {
+            Term::Glow => sum + self.sunward * (value * self.baked.lobes[part] * first),
+            Term::Harmonic(1) => sum + DVec3::Y * value,
+            Term::Harmonic(2) => sum + DVec3::Z * value,
+            Term::Harmonic(3) => sum + DVec3::X * value,
+            _ => sum,
+        });
+        sum.normalize_or_zero()
+    }
+
     /// What a term counts toward a direction.
-    fn share(&self, term: Term, part: usize, outward: DVec3) -> f64 {
+    fn share(&self, term: Term, part: usize, outward: DVec3, flow: DVec3) -> f64 {
         let lobe = |g: f64| henyey_greenstein(g, 0.5 * (self.sunward - outward).length_squared());
         match term {
             Term::Light => 1.0,
             Term::Sunlight => lobe(self.baked.mean_cosine),
             Term::Glow => lobe(self.baked.lobes[part]),
+            Term::Flow => {
+                let (h, c) = (self.baked.lobes[part], flow.dot(outward));
+                let second = if self.baked.bake == Bake::Sh2 { 2.5 * h * h * (3.0 * c * c - 1.0) } else { 0.0 };
+                henyey_greenstein(h, 1.0 - c) - (1.0 + 3.0 * h * c + second) / (2.0 * TAU)
+            }
             Term::Harmonic(i) => f64::from(crate::integrate::harmonics(outward.as_vec3())[i]),
         }
     }

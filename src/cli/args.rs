@@ -135,6 +135,9 @@ pub struct Run {
     /// camera (view), its mean over all directions (isotropic), or all directions by harmonics up to degree 1 or 2
     #[arg(long, value_enum, default_value_t = BakeArgument::None)]
     pub bake: BakeArgument,
+    /// Do not compare baked light with the path tracer's pictures: seconds saved for each frame of a sequence
+    #[arg(long)]
+    pub no_check: bool,
     /// The most megabytes that a .vdb may have: voxels are made wider until it fits
     #[arg(long, value_name = "MB", value_parser = megabytes, conflicts_with = "voxel_size")]
     pub max_mb: Option<f64>,
@@ -231,7 +234,7 @@ impl Run {
                 half: !self.float32,
                 grids,
             },
-            bake: Baking { light: self.bake.into(), most_bytes: self.max_mb.map(|mb| (mb * 1e6) as u64) },
+            bake: Baking { light: self.bake.into(), checked: !self.no_check, most_bytes: self.max_mb.map(|mb| (mb * 1e6) as u64) },
             picture: Picture {
                 integrator: self.integrator.map(Into::into),
                 spp,

@@ -83,6 +83,7 @@ fn light(baked: &Baked) -> Value {
                 Term::Light => "light".to_string(),
                 Term::Sunlight => "sunlight".to_string(),
                 Term::Glow => "glow".to_string(),
+                Term::Flow => "flow".to_string(),
                 Term::Harmonic(i) => i.to_string(),
             };
             grids.insert(key, grid.name.clone().into());

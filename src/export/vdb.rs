@@ -71,6 +71,10 @@ fn of_light(baked: &Baked, grid: &LightGrid) -> Vec<(String, Meta)> {
         Term::Light => ("what goes toward the viewer".into(), None),
         Term::Sunlight => ("sunlight that scatters once: times the phase function of mean cosine g".into(), Some(baked.mean_cosine)),
         Term::Glow => ("a lobe about the sun's light: times the phase function of mean cosine g".into(), Some(baked.lobes[grid.part])),
+        Term::Flow => (
+            "a lobe about the flow of light: times the phase function of mean cosine g less the degrees of the harmonics".into(),
+            Some(baked.lobes[grid.part]),
+        ),
         Term::Harmonic(i) => (format!("the coefficient of real spherical harmonic {i}"), None),
     };
     let mut all = vec![

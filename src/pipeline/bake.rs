@@ -16,6 +16,8 @@ use std::borrow::Cow;
 pub struct Baking {
     /// The light that goes beside the density, if any does.
     pub light: Option<Bake>,
+    /// Whether it is compared with the path tracer's pictures.
+    pub checked: bool,
     /// The most that the VDB may have, bytes.
     pub most_bytes: Option<u64>,
 }
@@ -36,11 +38,12 @@ pub(super) fn follow(job: &Job, bake: Bake, scene: &Scene, framed: &Framed, watc
     SourceFunction::new(scene, &plan, bake.kept(&framed.camera), &settings, watch)
 }
 
-/// Compares the light beside the density with the truth, and tells the report.
+/// Compares the light beside the density with the truth, where that is asked for, and tells the report.
 pub(super) fn check(job: &Job, voxels: &Voxels, scene: &Scene, framed: &Framed, report: &mut Report, watch: &dyn Progress) -> Result<()> {
     let Some((baked, density)) = voxels.light().zip(voxels.density()) else { return Ok(()) };
     let view = (&framed.camera, f64::from(framed.width) / f64::from(framed.height), job.duality.seed);
-    let errors = judge(baked, density, voxels.density_scale, voxels.turned(), scene, view, watch)?;
+    let errors =
+        if job.bake.checked { judge(baked, density, voxels.density_scale, voxels.turned(), scene, view, watch)? } else { Vec::new() };
     report.bake = Some(BakeReport::of(baked, errors));
     Ok(())
 }

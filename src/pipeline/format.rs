@@ -115,7 +115,10 @@ impl<'a> Targets<'a> {
                 return usage(format!("-o {who}: the cloud is the grid \"density\": add it to --grids"));
             }
         }
-        let Some(bake) = job.bake.light else { return Ok(()) };
+        let Some(bake) = job.bake.light else {
+            let idle = "--no-check leaves the check of baked light out, and none is baked: add --bake, or leave it out too";
+            return if job.bake.checked { Ok(()) } else { usage(idle.into()) };
+        };
         if !self.any(Format::Vdb) {
             return usage("--bake puts light beside the density of a VDB: add -o cloud.vdb".into());
         }

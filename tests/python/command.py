@@ -86,12 +86,14 @@ def listing(folder):
                   if not p.is_dir())
 
 
-def interrupt(*arguments, after, by=signal.SIGINT, cwd=None, limit=30.0):
-    """Sends SIGINT (or another) `after` seconds from the start. Returns (exit code, seconds from the signal to the end, stderr), or
-    None if the job was done before."""
+def interrupt(*arguments, after, by=signal.SIGINT, cwd=None, limit=30.0, alive=False):
+    """Sends SIGINT (or another) `after` seconds from the start, or where it says something of itself (`--progress json`) from its first
+    sign of life, `alive`. Returns (exit code, seconds from the signal to the end, stderr), or None if the job was done before."""
     process = subprocess.Popen([str(binary()), *map(str, arguments)], cwd=cwd, env=environment(), stdin=subprocess.DEVNULL,
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     try:
+        if alive:
+            os.read(process.stderr.fileno(), 1)
         try:
             process.communicate(timeout=after)
             return None

@@ -66,7 +66,7 @@ def grid(path, values, voxel, origin, sigma=25.0, albedo=0.999, g=0.85, place=No
 CYCLES = """
 stage(given["scene"])
 arrays["images"], out["seconds"] = shots(given["scene"]["width"], given["scene"]["height"], given["samples"], given["seeds"],
-                                         given["bounces"], given["step_rate"])
+                                         given["bounces"], given["step_rate"], given["denoised"])
 out["version"] = bpy.app.version_string
 """
 
@@ -75,11 +75,11 @@ def plain(scene):
     return {k: v for k, v in scene.items() if k not in ("values", "origin")}
 
 
-def cycles(scene, samples, seeds=8, bounces=BOUNCES, step_rate=0.5, python=None, timeout=3000):
+def cycles(scene, samples, seeds=8, bounces=BOUNCES, step_rate=0.5, python=None, denoised=False, timeout=3000):
     """Pictures for seeds 0 to `seeds` - 1 (or the seeds listed), by bpy 4.5 or the Blender of another `python`."""
     seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
     out = blender(CYCLES, timeout=timeout, python=python, scene=plain(scene), samples=samples, seeds=seeds, bounces=bounces,
-                  step_rate=step_rate)
+                  step_rate=step_rate, denoised=denoised)
     return Shots(out["arrays"]["images"], out["seconds"])
 
 

@@ -18,9 +18,10 @@ out["version"] = bpy.app.version_string
 #: What differs between Blenders, and so is asked again of 5.2: the rest is the add-on's own.
 AGAIN = ["select_a_metaball_press_the_button_see_a_cloud", "the_material_holds_the_reports_medium", "it_lies_where_its_layout_is",
          "a_second_press_replaces_the_cloud_and_keeps_what_is_the_users", "linked_data_libraries_and_instances", "nothing_selected_is_no_button",
-         "file_export_writes_what_blender_drops", "metaballs_come_back_from_gltf", "a_sequence_of_frames", "regions_come_back_as_objects",
+         "file_export_writes_what_blender_drops", "a_suns_strength_is_the_lamps_times_its_nodes",
+         "metaballs_come_back_from_gltf", "a_sequence_of_frames", "regions_come_back_as_objects",
          "a_family_is_one_field_hidden_members_too", "presets_the_blender_way", "new_layouts", "cancelled_within_half_a_second_without_a_trace",
-         "disabled_it_leaves_nothing", "baked_light_comes_and_goes", "baked_sequences"]
+         "disabled_it_leaves_nothing", "baked_light_comes_and_goes", "baked_sequences", "the_material_follows_the_light_of_each_frame"]
 
 
 @pytest.fixture(scope="module")

@@ -7,41 +7,11 @@ import pytest
 import command
 import cumulus
 import peers
+from bakes import shown
 from blender import blender
 
 MEDIUM = ["--sigma-t", "8", "--albedo", "0.999", "-g", "0.85"]
 VIEW = ["--camera", "0,-5.2,0.2", "--look-at", "0,0,0.2", "--fov", "43", "--sun", "0.8,0.4,-0.6", "--irradiance", "3", "--size", "48x36"]
-#: Runs a script that the command has written, and takes its picture.
-SHOW = """
-import runpy
-start()
-runpy.run_path(given["setup"], run_name="__main__")
-scene = bpy.context.scene
-scene.cycles.samples, scene.cycles.pixel_filter_type, scene.cycles.use_adaptive_sampling = given["samples"], "BOX", False
-scene.cycles.volume_bounces = scene.cycles.max_bounces = given["bounces"]
-material = next(m for m in bpy.data.materials if "Live Volume" in m.node_tree.nodes)
-if given["live"]:
-    material.node_tree.nodes["Live"].outputs[0].default_value = 1.0
-for name, factor in given["factors"].items():
-    material.node_tree.nodes["Baked Light"].inputs[name].default_value = factor
-live = material.node_tree.nodes["Live Volume"]
-out["live"] = [live.inputs["Anisotropy"].default_value, live.inputs["Density"].links[0].from_node.outputs[0].default_value]
-out["things"] = sorted(thing.type for thing in scene.objects)
-out["size"] = [scene.render.resolution_x, scene.render.resolution_y]
-images = []
-for place in given["places"]:
-    if place:
-        scene.camera.location = place
-        scene.camera.rotation_euler = (Vector((0, 0, 0.2)) - Vector(place)).to_track_quat("-Z", "Y").to_euler()
-    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
-    scene.render.filepath = os.path.abspath("shot.exr")
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    w, h = image.size
-    images.append(np.array(image.pixels[:], np.float32).reshape(h, w, 4)[::-1, :, :3])
-    bpy.data.images.remove(image)
-arrays["images"] = np.array(images)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -57,10 +27,6 @@ def baked(cloud, folder, bake, *more, photons="200k", view=VIEW):
     command.succeed(cloud, "-o", folder / f"{bake}.vdb", "-o", script, "-o", report, "--overwrite", "-q", "--bake", bake, "--photons", photons,
                     *MEDIUM, *view, *more)
     return script, json.loads(report.read_text())
-
-
-def shown(script, samples=4, bounces=0, live=False, factors=None, places=(None,), python=None):
-    return blender(SHOW, python=python, setup=str(script), samples=samples, bounces=bounces, live=live, factors=factors or {}, places=places)
 
 
 def truth(cloud, folder, *more, view=VIEW, spp=300):
@@ -109,7 +75,7 @@ def test_the_live_cloud_is_one_value_away(cloud, tmp_path):
 
 def test_any_view_is_seen_from_anywhere(cloud, tmp_path):
     script, report = baked(cloud, tmp_path, "sh2")
-    assert {grid["name"] for grid in report["bake"]["grids"]} == {"sunlight", "glow", *(f"light_{i}" for i in range(9))}
+    assert {grid["name"] for grid in report["bake"]["grids"]} == {"sunlight", "glow", "flow", *(f"light_{i}" for i in range(9))}
     places = [(5.2, 0.01, 0.2), (-3.7, -3.7, 0.2)]
     images = shown(script, places=places)["arrays"]["images"]
     for place, image in zip(places, images):
@@ -156,7 +122,80 @@ def test_doctor_knows_baked_light(cloud, tmp_path):
     assert [grid["name"] for grid in told["grids"]] == ["density", "light"]
 
 
+def test_a_bake_may_go_unchecked(cloud, tmp_path):
+    _, checked = baked(cloud, tmp_path, "view", photons="20k")
+    before = (tmp_path / "view.vdb").read_bytes()
+    _, unchecked = baked(cloud, tmp_path, "view", "--no-check", photons="20k")
+    assert len(checked["bake"].pop("errors")) == 3 and unchecked["bake"].pop("errors") == []
+    assert checked["bake"] == unchecked["bake"] and (tmp_path / "view.vdb").read_bytes() == before
+
+
+#: The group of the baked light on the inside of a ball around the camera, whose attributes are the grids' samples.
+GROUP = """
+import runpy
+baked = runpy.run_path(given["baked"])
+start()
+ball = ico("Ball", 10.0, subdivisions=3)
+for name, value in given["samples"].items():
+    numbers = ball.data.attributes.new(name, "FLOAT", "POINT").data
+    numbers.foreach_set("value", np.full(len(numbers), value, np.float32))
+material = bpy.data.materials.new("Light")
+tree = baked["Tree"].of(material)
+light, emission, end = (tree.node(f"ShaderNode{kind}") for kind in ("Group", "Emission", "OutputMaterial"))
+light.node_tree = baked["group"]("x", given["cloud"])
+light.inputs[0].default_value = 1.0
+tree.put(light.outputs[0], emission.inputs[0])
+tree.put(emission.outputs[0], end.inputs[0])
+ball.data.materials.append(material)
+eye = camera((0, 0, 0), (0, 1, 0), angle=1.5)
+images = []
+for frame, way in given["shots"]:
+    bpy.context.scene.frame_set(frame)
+    eye.rotation_euler = Vector(way).to_track_quat("-Z", "Y").to_euler()
+    settings(16, 16, 1)
+    bpy.context.scene.cycles.filter_width = 0.01
+    images.append(shoot()[..., 0])
+    bpy.context.view_layer.update()
+arrays["images"], arrays["turns"] = np.array(images), np.array([Vector(way).to_track_quat("-Z", "Y").to_matrix() for _, way in given["shots"]])
+"""
+
+
+@pytest.mark.parametrize("kind, moves", [("sh2", False), ("sh2", True), ("sh1", False)])
+def test_the_shader_says_what_the_grids_mean(kind, moves):
+    """The formula of the crate's documentation, by other words."""
+    count, sun, scale, g = {"sh1": 4, "sh2": 9}[kind], np.array((0.8, 0.4, -0.6)) / np.sqrt(1.16), 3.0, 0.85
+    samples = {"sunlight": 0.4, "glow": 1.5, "flow": 0.7, **{f"light_{i}": v for i, v in enumerate((6.0, 0.3, -0.5, 0.2, 0.1, -0.2, 0.3, 0.1, -0.1)[:count])}}
+    grids = {name.removeprefix("light_"): name for name in samples}
+    lobes = {1: 0.5, 2: 0.6} if moves else {1: 0.5}
+    part = {"light": "all", "scale": scale, "tint": [1, 1, 1], "glow": 0.5, "grids": grids,
+            "frames": [(f, {"scale": scale * f, "glow": h}) for f, h in lobes.items()] if moves else []}
+    cloud = {"sun": {"direction": list(sun)}, "bake": {"bake": kind, "g": g, "parts": [part]}}
+    shots = [(frame, way) for frame in lobes for way in ((1, 0, 0), (-1, 0.2, -0.3), (0, -1, 1))]
+    found = blender(GROUP, baked=str(command.ROOT / "blender_addon" / "baked.py"), samples=samples, cloud=cloud, shots=shots)["arrays"]
+    at = ((np.arange(16) + 0.5) / 8 - 1) * np.tan(0.75)
+    x, y = np.meshgrid(at, -at)
+    rays = np.stack([x, y, -np.ones_like(x)], axis=2) / np.sqrt(1 + x**2 + y**2)[..., None]
+
+    def lobe(g, c, beyond=-1):
+        low = sum((2 * l + 1) * g**l * np.polynomial.legendre.legval(c, [0] * l + [1]) for l in range(beyond + 1))
+        return ((1 - g * g) / (1 + g * g - 2 * g * c) ** 1.5 - low) / (4 * np.pi)
+
+    for (frame, _), turn, image in zip(shots, found["turns"], found["images"]):
+        outward = -rays @ turn.T
+        h, c = lobes[frame], outward @ sun
+        x, y, z = np.moveaxis(outward, 2, 0)
+        harmonics = [np.sqrt(1 / (4 * np.pi)) + 0 * x, *(np.sqrt(3 / (4 * np.pi)) * a for a in (y, z, x)),
+                     *(np.sqrt(15 / (4 * np.pi)) * a for a in (x * y, y * z)), np.sqrt(5 / (16 * np.pi)) * (3 * z * z - 1),
+                     np.sqrt(15 / (4 * np.pi)) * x * z, np.sqrt(15 / (16 * np.pi)) * (x * x - y * y)]
+        flow = np.array([samples[f"light_{i}"] for i in (3, 1, 2)]) + samples["glow"] * h * np.sqrt(3 / (4 * np.pi)) * sun
+        wanted = samples["sunlight"] * lobe(g, c) + samples["glow"] * lobe(h, c) + sum(samples[f"light_{i}"] * harmonics[i] for i in range(count))
+        wanted = wanted + samples["flow"] * lobe(h, outward @ flow / np.linalg.norm(flow), count // 4)
+        assert wanted.min() > 0 and wanted.max() > 1.1 * wanted.min()
+        np.testing.assert_allclose(image, wanted * scale * (frame if moves else 1), rtol=2e-3)
+
+
 @pytest.mark.parametrize("arguments, says", [
+    (["-o", "a.vdb", "--no-check"], ["--no-check", "--bake"]),
     (["-o", "a.png", "--bake", "view"], ["--bake", "-o cloud.vdb"]),
     (["-o", "a.blend.py"], [".vdb", "beside"]),
     (["-o", "a.vdb", "-o", "a.blend.py", "--up", "y"], ["--up y"]),

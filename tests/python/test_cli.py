@@ -350,7 +350,7 @@ def test_interrupted_while_writing_voxels(cloudvdb, scenes, tmp_path):
     """The grids take their time too: a fine source needs no photons."""
     job = (scenes / "cumulus.gltf", "--density", "source", "--voxel-size", "2.2", "--max-voxels", "200000000", "-o", tmp_path / "out.vdb")
     for after in (0.1, 0.4, 1.0):
-        ended = cloudvdb.interrupt(*job, after=after)
+        ended = cloudvdb.interrupt(*job, "--progress", "json", after=after, alive=True)
         if ended is None:
             (tmp_path / "out.vdb").unlink()
             continue

@@ -19,7 +19,7 @@ pub struct BakeReport {
     pub photons: u64,
     /// The grids.
     pub grids: Vec<LightSummary>,
-    /// How far its picture is off the path tracer's: from the camera, and from two others.
+    /// How far its picture is off the path tracer's: from the camera, and from two others; empty where nobody looked.
     pub errors: Vec<BakeError>,
 }
 
@@ -68,12 +68,7 @@ impl BakeReport {
                 format!("{whose} {:+.1} +- {:.1} % in the mean, {:.1} % in blocks", 100.0 * e.mean, 100.0 * e.mean_se, 100.0 * e.rms)
             })
             .collect();
-        format!(
-            "baked     {} ({} W m^-2 sr^-1 a unit), by {} photons\noff       {}\n",
-            names.join(", "),
-            scales.join(", "),
-            self.photons,
-            off.join("; ")
-        )
+        let off = if off.is_empty() { String::new() } else { format!("off       {}\n", off.join("; ")) };
+        format!("baked     {} ({} W m^-2 sr^-1 a unit), by {} photons\n{off}", names.join(", "), scales.join(", "), self.photons)
     }
 }

@@ -6,10 +6,10 @@ use crate::scene::Scene;
 use crate::scene::phase::sample_henyey_greenstein;
 use glam::Vec3;
 
-/// Real spherical harmonics of degrees 0 to 2.
-pub const HARMONICS: usize = 9;
+/// Real spherical harmonics of degrees 0 to 3.
+pub const HARMONICS: usize = 16;
 /// The degree of each.
-pub(super) const DEGREE: [usize; HARMONICS] = [0, 1, 1, 1, 2, 2, 2, 2, 2];
+pub(super) const DEGREE: [usize; HARMONICS] = [0, 1, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3];
 
 /// The directions that light is gathered for.
 #[derive(Debug)]
@@ -22,12 +22,13 @@ pub(super) enum Basis {
         lobes: Vec<Lobe>,
     },
     /// Any: radiance by harmonics of its direction of travel, of all degrees up to one of 0 to 2. A phase function of mean cosine g
-    /// scatters degree l by g^l. With an axis, the Legendre moments of the next two degrees about it too: how far light is peaked there.
+    /// scatters degree l by g^l. With an axis, those of the next degree too, and after them the Legendre moment of the one after that about
+    /// the axis: how far light is peaked there.
     Around { degree: usize, axis: Option<Vec3> },
 }
 
-/// Moments about an axis that [`Basis::Around`] keeps after its harmonics.
-pub(super) const MOMENTS: usize = 2;
+/// The most numbers that [`Basis::Around`] has.
+pub(super) const AROUND: usize = HARMONICS + 1;
 
 impl Basis {
     /// For a camera at `eye`.
@@ -43,7 +44,8 @@ impl Basis {
     pub fn len(&self) -> usize {
         match self {
             Basis::View { lobes, .. } => lobes.len(),
-            Basis::Around { degree, axis } => (degree + 1).pow(2) + if axis.is_some() { MOMENTS } else { 0 },
+            Basis::Around { degree, axis: None } => (degree + 1).pow(2),
+            Basis::Around { degree, axis: Some(_) } => (degree + 2).pow(2) + 1,
         }
     }
 
@@ -66,18 +68,10 @@ impl Basis {
                 }
             }
             Basis::Around { degree, axis } => {
-                let count = (degree + 1).pow(2);
+                let count = (degree + if axis.is_some() { 2 } else { 1 }).pow(2);
                 harmonics(direction).into_iter().take(count).enumerate().for_each(|(number, y)| visit(number, y));
                 if let Some(axis) = axis {
-                    let c = direction.dot(*axis);
-                    let (mut before, mut here) = (1.0, c);
-                    for l in 1..degree + MOMENTS {
-                        let l = l as f32;
-                        (before, here) = (here, ((2.0 * l + 1.0) * c * here - l * before) / (l + 1.0));
-                        if l as usize >= *degree {
-                            visit(count + l as usize - degree, here);
-                        }
-                    }
+                    visit(count, legendre(degree + 2, direction.dot(*axis)));
                 }
             }
         }
@@ -91,7 +85,7 @@ impl Basis {
             Basis::Around { degree, .. } => {
                 let g = g as f32;
                 for (number, y) in harmonics(outward).into_iter().take((degree + 1).pow(2)).enumerate() {
-                    visit(number, y * [1.0, g, g * g][DEGREE[number]]);
+                    visit(number, y * g.powi(DEGREE[number] as i32));
                 }
             }
         }
@@ -117,11 +111,24 @@ impl Basis {
     }
 }
 
-/// The real spherical harmonics of degrees 0 to 2, orthonormal, in a direction of unit length.
+/// The Legendre polynomial of a degree from 1 on, by Bonnet's recurrence.
+pub(super) fn legendre(degree: usize, c: f32) -> f32 {
+    let (mut before, mut here) = (1.0, c);
+    for l in 1..degree {
+        let l = l as f32;
+        (before, here) = (here, ((2.0 * l + 1.0) * c * here - l * before) / (l + 1.0));
+    }
+    here
+}
+
+/// The real spherical harmonics of degrees 0 to 3, orthonormal, in a direction of unit length.
 #[inline]
 pub fn harmonics(d: Vec3) -> [f32; HARMONICS] {
     // sqrt(1 / 4 pi), sqrt(3 / 4 pi), sqrt(15 / 4 pi), sqrt(5 / 16 pi), sqrt(15 / 16 pi)
     const C: [f32; 5] = [0.282_094_8, 0.488_602_5, 1.092_548_4, 0.315_391_57, 0.546_274_2];
+    // sqrt(35 / 32 pi), sqrt(105 / 4 pi), sqrt(21 / 32 pi), sqrt(7 / 16 pi), sqrt(105 / 16 pi)
+    const D: [f32; 5] = [0.590_043_6, 2.890_611_4, 0.457_045_8, 0.373_176_33, 1.445_305_7];
+    let [xx, yy, zz] = (d * d).to_array();
     [
         C[0],
         C[1] * d.y,
@@ -129,8 +136,15 @@ pub fn harmonics(d: Vec3) -> [f32; HARMONICS] {
         C[1] * d.x,
         C[2] * d.x * d.y,
         C[2] * d.y * d.z,
-        C[3] * (3.0 * d.z * d.z - 1.0),
+        C[3] * (3.0 * zz - 1.0),
         C[2] * d.x * d.z,
-        C[4] * (d.x * d.x - d.y * d.y),
+        C[4] * (xx - yy),
+        D[0] * d.y * (3.0 * xx - yy),
+        D[1] * d.x * d.y * d.z,
+        D[2] * d.y * (5.0 * zz - 1.0),
+        D[3] * d.z * (5.0 * zz - 3.0),
+        D[2] * d.x * (5.0 * zz - 1.0),
+        D[4] * d.z * (xx - yy),
+        D[0] * d.x * (xx - 3.0 * yy),
     ]
 }

@@ -6,7 +6,7 @@
 //! that fits it ([`super::fit`]), and rays look the sum up. What smoothing costs is told by the comparison with
 //! [`crate::integrate::Integrator::Path`].
 
-use super::basis::Basis;
+use super::basis::{Basis, harmonics};
 use super::deposit::{CLASSES, Gathered, empty, gather};
 use super::fit::{Fit, needed};
 use super::space::Space;
@@ -18,6 +18,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::f64::consts::PI;
 
 /// What each group of photons brings, W m^-2 sr^-1.
 pub(super) type Groups = [f32; GROUPS];
@@ -186,12 +187,15 @@ impl Field {
     /// The mean cosine of a Henyey-Greenstein lobe about the axis of the basis whose moments are in the ratio that those beyond the
     /// harmonics have over all light, scattered once more with mean cosine `g`; `None` without an axis, or without a peak.
     pub(super) fn lobe(&self, g: f64) -> Option<f64> {
-        let Basis::Around { degree, axis: Some(_) } = self.basis else { return None };
+        let Basis::Around { degree, axis: Some(axis) } = self.basis else { return None };
         let sum = |number: usize| {
             let each = self.light.iter().skip(number).step_by(self.basis.len()).zip(&self.lit);
             each.filter(|(_, lit)| **lit).flat_map(|(groups, _)| groups).map(|&l| f64::from(l)).sum::<f64>()
         };
-        let (one, next) = (sum((degree + 1).pow(2)), sum((degree + 1).pow(2) + 1));
+        let (first, end) = ((degree + 1).pow(2), (degree + 2).pow(2));
+        let about = harmonics(axis);
+        let one = (first..end).map(|i| sum(i) * f64::from(about[i])).sum::<f64>() * 4.0 * PI / (end - first) as f64;
+        let next = sum(end);
         (one > 0.0 && next > 0.0).then(|| g * next / one)
     }
 

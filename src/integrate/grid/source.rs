@@ -1,6 +1,6 @@
 //! The source function: what the medium at a point sends out, per unit of optical depth. It is what a bake keeps.
 
-use super::basis::{Basis, DEGREE, harmonics};
+use super::basis::{AROUND, Basis, DEGREE, HARMONICS, harmonics, legendre};
 use super::field::{Field, Request};
 use super::{BYTES, parts};
 use crate::error::Result;
@@ -14,6 +14,7 @@ use crate::scene::phase::henyey_greenstein;
 use crate::scene::{Scene, medium::luminance};
 use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
+use std::f64::consts::PI;
 
 /// Phase functions with a mean cosine below this leave no light that is peaked about the sun's once it has scattered twice.
 const PEAKED: f64 = 0.3;
@@ -168,11 +169,12 @@ impl SourceFunction {
         self.lights.iter().filter_map(|(_, f)| f.field.as_ref()).map(Field::photons).sum()
     }
 
-    /// Numbers that a part has at a point: one toward a point; else the sunlight that arrives and scatters, the lobe about it, and the harmonics.
+    /// Numbers that a part has at a point: one toward a point; else the sunlight that arrives and scatters, the lobe about it, that about
+    /// the flow, and the harmonics.
     pub fn numbers(&self) -> usize {
         match self.kept {
             Kept::Toward(_) => 1,
-            Kept::Around { degree } => 2 + (degree + 1).pow(2),
+            Kept::Around { degree } => 3 + (degree + 1).pow(2),
         }
     }
 
@@ -215,16 +217,17 @@ impl SourceFunction {
 
     #[allow(clippy::too_many_arguments)]
     fn around(&self, degree: usize, followed: &Followed, p: Vec3, clear: f64, here: &[(f64, f64, f64)], scale: f64, into: &mut [f32]) {
-        let count = (degree + 1).pow(2);
+        let lobe = followed.lobe;
+        let (count, end) = ((degree + 1).pow(2), if lobe > 0.0 { (degree + 2).pow(2) } else { (degree + 1).pow(2) });
         let along = harmonics(followed.sunward);
-        let mut light = [0.0f32; super::basis::HARMONICS + super::basis::MOMENTS];
+        let mut light = [0.0f32; AROUND];
         let found = followed.field.as_ref().is_some_and(|field| field.numbers(p, &mut light[..]));
-        let (mut sun, mut lobe) = (0.0, 0.0);
-        let mut out = [0.0f64; super::basis::HARMONICS];
+        let mut sun = 0.0;
+        let mut out = [0.0f64; HARMONICS];
         for &(share, albedo, g) in here {
             let once = share * albedo * clear * followed.irradiance;
             sun += once;
-            for i in 0..count {
+            for i in 0..end {
                 let l = DEGREE[i] as i32;
                 // Sunlight scattered once goes by the mean cosine of all; what the region's own differs by is in the harmonics.
                 out[i] += once * (g.powi(l) - self.mean_cosine.powi(l)) * f64::from(along[i]);
@@ -232,17 +235,26 @@ impl SourceFunction {
                     out[i] += share * albedo * g.powi(l) * f64::from(light[i]);
                 }
             }
-            if found && followed.lobe > 0.0 {
-                lobe += share * albedo * (g / followed.lobe).powi(degree as i32 + 1) * f64::from(light[count]);
-            }
         }
-        // The lobe has the moment beyond the harmonics that the light has; the harmonics have the rest.
+        // The lobe about the sun has the moment beyond the harmonics that the light has there, that about the flow what is left of it
+        // along the flow.
+        let (mut glow, mut flow) = (0.0, 0.0);
+        if end > count {
+            let axis = DVec3::new(out[3], out[1], out[2]).normalize_or_zero().as_vec3();
+            let about = harmonics(axis);
+            let moment = |axis: &[f32; HARMONICS]| (count..end).map(|i| out[i] * f64::from(axis[i])).sum::<f64>();
+            let whole = 4.0 * PI / (end - count) as f64 / lobe.powi(degree as i32 + 1);
+            glow = whole * moment(&along);
+            flow = whole * moment(&about) - glow * f64::from(legendre(degree + 1, followed.sunward.dot(axis)));
+        }
+        // The harmonics have the rest of what the lobe about the sun does not have; that about the flow has none of their degrees.
         for i in 0..count {
-            let own = lobe * followed.lobe.powi(DEGREE[i] as i32) * f64::from(along[i]);
-            into[2 + i] = ((out[i] - own) / scale) as f32;
+            let own = glow * lobe.powi(DEGREE[i] as i32) * f64::from(along[i]);
+            into[3 + i] = ((out[i] - own) / scale) as f32;
         }
         into[0] = (sun / scale) as f32;
-        into[1] = (lobe / scale) as f32;
+        into[1] = (glow / scale) as f32;
+        into[2] = (flow / scale) as f32;
     }
 }
 

@@ -425,6 +425,37 @@ def file_export_writes_what_blender_drops(folder):
 
 
 @check
+def a_suns_strength_is_the_lamps_times_its_nodes(folder):
+    """Blender 5.2's exporter forgets the lamp's own, 4.5's as soon as it has nodes."""
+    scene = fresh(folder)
+    metaball()
+    light = sun(3.0)
+    path = os.path.join(folder, "out.gltf")
+
+    def lux():
+        (lamp,) = exported(path)["extensions"]["KHR_lights_punctual"]["lights"]
+        return lamp["intensity"]
+
+    engines = [item.identifier for item in bpy.types.RenderSettings.bl_rna.properties["engine"].enum_items]
+    others = [name for name in ("BLENDER_EEVEE_NEXT", "BLENDER_EEVEE", "BLENDER_WORKBENCH") if name in engines]
+    for engine in ("CYCLES", *others):
+        scene.render.engine = engine
+        assert abs(lux() / (683 * 3) - 1) < 1e-5, (engine, lux())
+    light.data.use_nodes = True
+    (emission,) = (node for node in light.data.node_tree.nodes if node.type == "EMISSION")
+    emission.inputs["Strength"].default_value = 2.0
+    # EEVEE and Workbench know no nodes of lamps.
+    for engine, strength in (("CYCLES", 6), *((name, 3) for name in others)):
+        scene.render.engine = engine
+        assert abs(lux() / (683 * strength) - 1) < 1e-5, (engine, lux())
+    # The lamp that is written for the command is this one.
+    scene.render.engine = "CYCLES"
+    export = module().gltf_export
+    dim = sun(4.0)
+    assert export.sun_of(scene) == light and export.strength_of(dim.data) == 4.0
+
+
+@check
 def metaballs_come_back_from_gltf(folder):
     fresh(folder)
     ball = metaball("Ball", at=(1, 2, 3), kind="ELLIPSOID", co=(0.5, 0.25, -1))
@@ -631,10 +662,51 @@ def baked_sequences(folder):
     assert "Live" in volume.data.materials[0].node_tree.nodes and sorted(g.name for g in volume.data.grids) == ["density", "light"]
     choose(ball)
     assert not press("synthesise_sequence") and "0 of them new" in message(), message()
+    # Only the first frame is compared with the path tracer, and the result says how it went.
+    assert "baked light off by" in message(), message()
+    with open(os.path.join(folder, "clouds", "Mball Cloud.frames.json")) as file:
+        assert [len(frame["report"]["bake"]["errors"]) for frame in json.load(file).values()] == [3, 0]
     # Regions are brought without light.
     choose(ball)
     scene.cloudvdb_settings.density = "duality"
     assert not press("bring_regions", form="EMPTY"), message()
+
+
+@check
+def the_material_follows_the_light_of_each_frame(folder):
+    scene = fresh(folder, density="source", medium="cumulus", bake="sh2", max_voxels=20_000, photons=300_000, frame_start=1,
+                  frame_end=3)
+    ball = metaball()
+    light = sun()
+    for frame, energy, angle in ((1, 2.0, 0.4), (3, 4.0, 0.9)):
+        light.data.energy, light.rotation_euler = energy, (angle, 0.0, 0.3)
+        light.data.keyframe_insert("energy", frame=frame)
+        light.keyframe_insert("rotation_euler", frame=frame)
+    choose(ball)
+    assert not press("synthesise_sequence"), message()
+    where = os.path.join(folder, "clouds")
+    with open(os.path.join(where, "Mball Cloud.frames.json")) as file:
+        told = [entry["report"]["bake"] for entry in json.load(file).values()]
+    group = bpy.data.objects["Mball Cloud"].data.materials[0].node_tree.nodes["Baked Light"].node_tree
+    scales = [said["parts"][0]["scale"] for said in told]
+    assert abs(scales[2] / scales[0] - 2) < 1e-3, scales
+    ways = []
+    for frame, said in zip((1, 2, 3), told):
+        scene.frame_set(frame)
+        shown = group.evaluated_get(bpy.context.evaluated_depsgraph_get()).nodes
+        assert abs(shown["Scale all"].outputs[0].default_value / said["parts"][0]["scale"] - 1) < 1e-5
+        assert said["lobes"][0] > 0, told
+        assert abs(shown["Lobe all"].outputs[0].default_value / said["lobes"][0] - 1) < 1e-5
+        way, own = [socket.default_value for socket in shown["Sunlight"].inputs], light.matrix_world.to_3x3().col[2]
+        assert max(abs(a + b) for a, b in zip(way, own)) < 1e-4, (way, own)
+        ways.append(way)
+    assert abs(ways[0][2] - ways[2][2]) > 0.1
+    # What moves by its keys is not what the user has changed.
+    choose(ball)
+    scene.frame_set(2)
+    assert not press("synthesise_sequence") and "0 of them new" in message() and "yours" not in message(), message()
+    ball.scale = (1.1, 1.1, 1.1)
+    assert not press("synthesise_sequence") and "3 of them new" in message() and "yours" not in message(), message()
 
 
 @check

@@ -207,13 +207,15 @@ def _volume(mesh):
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
-def shots(width, height, samples, seeds, bounces, step_rate):
-    """Pictures of the scene as it is staged, one for each seed, and the seconds of each."""
+def shots(width, height, samples, seeds, bounces, step_rate, denoised=False):
+    """Pictures of the scene as it is staged, one for each seed, and the seconds of each; `denoised` by OpenImageDenoise as Blender sets it up."""
     scene = settings(width, height, samples, bounces, step_rate)
     cycles = scene.cycles
     # Shadow rays pass the hulls of volumes as transparent hits; nothing is dropped for being faint.
     cycles.transparent_max_bounces, cycles.light_sampling_threshold = 1024, 0.0
     cycles.sampling_pattern = "TABULATED_SOBOL"
+    if denoised:
+        cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"
     scene.render.use_persistent_data = True
     pictures, seconds = [], []
     for seed in seeds:
