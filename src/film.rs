@@ -20,6 +20,10 @@ pub struct Pixel {
     pub environment: [f32; 3],
     /// The standard error (one sigma) of the sum of the four; by [`crate::integrate::Integrator::Grid`] with what smoothing may be off.
     pub standard_error: [f32; 3],
+    /// What of that is noise of photons, which they all share, in luminance; 0 where none are stored.
+    pub photon_noise: f32,
+    /// What of that is no noise but what smoothing may be off, in luminance.
+    pub bias: f32,
     /// The share of light from behind all media, or from the surface that is met, that reaches the camera unscattered.
     pub transmittance: f32,
     /// The share of rays that end at a surface.
@@ -29,6 +33,20 @@ pub struct Pixel {
 }
 
 impl Pixel {
+    /// A pixel of which nothing is known.
+    pub const UNKNOWN: Pixel = Pixel {
+        volume_direct: [0.0; 3],
+        volume_indirect: [0.0; 3],
+        surface: [0.0; 3],
+        environment: [0.0; 3],
+        standard_error: [f32::INFINITY; 3],
+        photon_noise: 0.0,
+        bias: 0.0,
+        transmittance: 1.0,
+        opaque: 0.0,
+        depth: NOTHING,
+    };
+
     /// All light.
     pub fn combined(&self) -> [f32; 3] {
         std::array::from_fn(|c| self.volume_direct[c] + self.volume_indirect[c] + self.surface[c] + self.environment[c])
@@ -69,9 +87,28 @@ impl Film {
     /// Pixels are weighed alike; those that receive nothing and know it do not make it smaller. `None` where no pixel receives
     /// light, or an error is not known.
     pub fn relative_error(&self) -> Option<f64> {
+        self.relative(|p| grey(p.standard_error).powi(2))
+    }
+
+    /// What of [`Film::relative_error`] is noise.
+    pub fn relative_noise(&self) -> Option<f64> {
+        self.relative(|p| (grey(p.standard_error).powi(2) - f64::from(p.bias).powi(2)).max(0.0))
+    }
+
+    /// What of it is noise of photons.
+    pub fn relative_photon_noise(&self) -> Option<f64> {
+        self.relative(|p| f64::from(p.photon_noise).powi(2))
+    }
+
+    /// What of it is no noise but what smoothing may be off.
+    pub fn relative_bias(&self) -> Option<f64> {
+        self.relative(|p| f64::from(p.bias).powi(2))
+    }
+
+    /// The root of the mean of squares over pixels that receive light, over their mean luminance.
+    fn relative(&self, square: impl Fn(&Pixel) -> f64) -> Option<f64> {
         let lit = self.pixels.iter().filter(|p| grey(p.combined()) > 0.0);
-        let (n, error, sum) =
-            lit.fold((0.0, 0.0, 0.0), |(n, error, sum), p| (n + 1.0, error + grey(p.standard_error).powi(2), sum + grey(p.combined())));
+        let (n, error, sum) = lit.fold((0.0, 0.0, 0.0), |(n, error, sum), p| (n + 1.0, error + square(p), sum + grey(p.combined())));
         Some((error / n).sqrt() / (sum / n)).filter(|error| error.is_finite() && sum > 0.0)
     }
 }

@@ -27,7 +27,7 @@ pub use bake::Baking;
 pub use balance::{Balance, BalanceJob, balance};
 pub use format::{Format, check_gather, usual_density};
 pub use pass1::Pass1;
-pub use picture::{Picture, lit, take, take_to};
+pub use picture::{Goal, Picture, lit, take, take_to};
 
 /// One run: what to read, what to do, what to write.
 #[derive(Debug, Clone)]
@@ -93,6 +93,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
 
     let scene = lit(&layout.scene, &written, job.density);
     let mut staged = Staged::default();
+    let mut kept = false;
     if targets.any(Format::Vdb) {
         let scene = bake::without_air(job, &scene, &mut report.notes);
         let source = match job.bake.light.zip(framed.as_ref()) {
@@ -103,11 +104,12 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
             clock.end("light");
         }
         let light = source.as_ref().map(|(bake, source)| (*bake, source));
-        let metadata = metadata(job, &layout, &report);
+        let mut metadata = metadata(job, &layout, &report);
         let voxels = grids::make(job, &layout.scene, &written, light, &metadata, &mut report, progress)?;
         clock.end("voxels");
         if let Some(framed) = &framed {
             bake::check(job, &voxels, &scene, framed, &mut report, progress)?;
+            account::light_error(&mut metadata, &report);
         }
         if source.is_some() {
             clock.end("check");
@@ -127,11 +129,18 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     }
     if let Some(framed) = framed.filter(|_| picture) {
         let settings = job.picture.settings(&scene, &framed, job.photons, &job.duality);
-        let (film, render) = match job.picture.error {
-            Some(error) => take_to(error, &scene, &framed, &settings, progress)?,
-            None => take(&scene, &framed, &settings, pass1, progress)?,
+        let Picture { error, seconds, .. } = job.picture;
+        let (film, render) = if error.is_some() || seconds.is_some() {
+            let goal = Goal { error, seconds: seconds.map(|seconds| seconds - clock.elapsed()) };
+            let taking = take_to(&goal, &scene, &framed, &settings, progress)?;
+            report.notes.extend(taking.notes);
+            (taking.film, taking.render)
+        } else {
+            take(&scene, &framed, &settings, pass1, progress)?
         };
         report.notes.extend(job.picture.note(&scene, job.duality.model));
+        report.notes.extend(render.finished.map(account::cut_short));
+        kept = render.finished.is_some();
         report.render = Some(render);
         clock.end("render");
         for target in targets.each(Format::Exr) {
@@ -146,7 +155,9 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     for target in targets.each(Format::Json) {
         staged.add(target, |path| report.write(path))?;
     }
-    progress.check()?;
+    if !kept {
+        progress.check()?;
+    }
     staged.commit(job.overwrite)?;
     Ok(report)
 }

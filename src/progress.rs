@@ -10,6 +10,12 @@ pub trait Progress: Sync {
     fn at(&self, done: u64);
     /// Whether the run should stop as soon as it can.
     fn cancelled(&self) -> bool;
+    /// Whether what is done of a picture when it is [`Progress::cancelled`] is wanted.
+    fn keeps(&self) -> bool {
+        false
+    }
+    /// A forecast: the relative error that the picture will have, and how many seconds it takes from now on.
+    fn expects(&self, _error: f64, _seconds: f64) {}
 
     /// [`Error::Interrupted`] once the run should stop.
     ///

@@ -4,7 +4,7 @@ use super::doctor::DoctorArguments;
 use super::flux::FluxArguments;
 use super::scene::SceneArguments;
 use super::study::StudyArguments;
-use super::values::{count, megabytes, percent, step, stops};
+use super::values::{count, megabytes, percent, step, stops, time};
 use crate::bake::Bake;
 use crate::error::Error;
 use crate::export::vdb::{GridName, VdbOptions};
@@ -151,6 +151,16 @@ pub struct Run {
     /// grid integrator's photons
     #[arg(long, value_name = "PERCENT", value_parser = percent, conflicts_with = "spp")]
     pub error: Option<f64>,
+    /// Make a picture as good as it can be within so much time, that of the whole run: 30s, 5m, 1h. The report names
+    /// the flags that make the same bytes again
+    #[arg(long, value_name = "TIME", value_parser = time, conflicts_with = "spp")]
+    pub time: Option<f64>,
+    /// Photons of a picture by the grid integrator [default: --photons]
+    #[arg(long, value_name = "N", value_parser = count, conflicts_with_all = ["error", "time"])]
+    pub picture_photons: Option<u64>,
+    /// On Ctrl-C, write the picture so far, with its error, and the other files; a second one ends at once
+    #[arg(long)]
+    pub keep_partial: bool,
     /// What the voxels of the grid integrator may take, in bytes
     #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = count)]
     pub memory: u64,
@@ -211,10 +221,13 @@ impl Run {
         if self.memory < LEAST_MEMORY {
             return usage("--memory: the voxels of the grid integrator need at least 100M (bytes)");
         }
-        if self.error.is_some() && self.integrator == Some(IntegratorArgument::Photon) {
+        if (self.error.is_some() || self.time.is_some()) && self.integrator == Some(IntegratorArgument::Photon) {
             return usage(
-                "--error: what stored photons blur is in no stated error: use --integrator grid or path, or --photons and --estimate",
+                "--error and --time: what stored photons blur is in no stated error: use --integrator grid or path, or --photons and --estimate",
             );
+        }
+        if self.picture_photons.is_some_and(|n| !(1..=u64::from(u32::MAX)).contains(&n)) {
+            return usage("--picture-photons must be from 1 to 4294967295");
         }
         let mut grids: Vec<GridName> = self.grids.iter().map(|&g| g.into()).collect();
         grids.sort_unstable_by_key(|g| g.as_str());
@@ -238,7 +251,9 @@ impl Run {
             picture: Picture {
                 integrator: self.integrator.map(Into::into),
                 spp,
+                photons: self.picture_photons,
                 error: self.error,
+                seconds: self.time,
                 memory: self.memory,
                 directional: self.directional.into(),
                 gather: self.gather.into(),

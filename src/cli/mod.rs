@@ -53,7 +53,7 @@ pub fn main() -> u8 {
 
 fn run(run: &Run) -> Result<(), Error> {
     let job = run.job()?;
-    let watch = watched(&run.manners)?;
+    let watch = watched(&run.manners, run.keep_partial)?;
     let report = pipeline::run(&job, &watch);
     watch.finish();
     let report = report?;
@@ -70,13 +70,13 @@ fn run(run: &Run) -> Result<(), Error> {
     Ok(())
 }
 
-/// What watches a run for the terminal and for signals; and the number of threads.
-fn watched(&Manners { threads, progress: style, quiet }: &Manners) -> Result<Watch, Error> {
+/// What watches a run for the terminal and for signals, which may have it `keep` what is done; and the number of threads.
+fn watched(&Manners { threads, progress: style, quiet }: &Manners, keep: bool) -> Result<Watch, Error> {
     if threads == Some(0) {
         return Err(Error::Usage("--threads must be at least 1".into()));
     }
-    let watch = Watch::new(style, quiet);
-    signals::watch(watch.cancelled_flag(), style)?;
+    let watch = Watch::new(style, quiet, keep);
+    signals::watch(watch.cancelled_flag(), style, keep)?;
     start(threads)?;
     if let Some(threads) = threads {
         crate::export::vdb::limit_threads(threads);

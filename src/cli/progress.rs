@@ -1,7 +1,8 @@
 //! Progress on stderr: a bar for stages over half a second, or JSON lines.
 
 use super::args::ProgressStyle;
-use super::event;
+use super::{event, say};
+use crate::export::report::{duration, percent};
 use crate::progress::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
 use std::io::IsTerminal;
@@ -17,6 +18,7 @@ const BEAT: Duration = Duration::from_millis(100);
 /// Watches a run for the terminal or the add-on.
 pub struct Watch {
     cancelled: Arc<AtomicBool>,
+    keep: bool,
     style: ProgressStyle,
     visible: bool,
     stage: Arc<Mutex<Stage>>,
@@ -31,11 +33,11 @@ struct Stage {
 }
 
 impl Watch {
-    /// Watches in a style; quiet shows nothing.
-    pub fn new(style: ProgressStyle, quiet: bool) -> Self {
+    /// Watches in a style; quiet shows nothing. To `keep` is to want what is done when the run is stopped.
+    pub fn new(style: ProgressStyle, quiet: bool, keep: bool) -> Self {
         let visible = !quiet && (style == ProgressStyle::Json || std::io::stderr().is_terminal());
         let stage = Stage { name: "", total: 0, began: Instant::now(), told: Instant::now(), bar: None };
-        let watch = Watch { cancelled: Arc::new(AtomicBool::new(false)), style, visible, stage: Arc::new(Mutex::new(stage)) };
+        let watch = Watch { cancelled: Arc::new(AtomicBool::new(false)), keep, style, visible, stage: Arc::new(Mutex::new(stage)) };
         if visible && style == ProgressStyle::Bar {
             // Stages that cannot tell how far they are (reading, OpenVDB writing) get their bar too.
             let stage = Arc::clone(&watch.stage);
@@ -121,5 +123,20 @@ impl Progress for Watch {
 
     fn cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
+    }
+
+    fn keeps(&self) -> bool {
+        self.keep
+    }
+
+    fn expects(&self, error: f64, seconds: f64) {
+        if !self.visible {
+            return;
+        }
+        self.finish();
+        match self.style {
+            ProgressStyle::Json => event(&serde_json::json!({"event": "forecast", "relative_error": error, "seconds": seconds})),
+            ProgressStyle::Bar => say(&format!("forecast  {} in about {} more", percent(error), duration(seconds))),
+        }
     }
 }

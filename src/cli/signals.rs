@@ -46,14 +46,17 @@ fn aborting() {
     signal_hook::low_level::exit(1);
 }
 
-/// Watches for signals from now on.
-pub fn watch(cancelled: Arc<AtomicBool>, style: ProgressStyle) -> Result<(), Error> {
+/// Watches for signals from now on. To `keep` is to leave the run to its end after the first one.
+pub fn watch(cancelled: Arc<AtomicBool>, style: ProgressStyle, keep: bool) -> Result<(), Error> {
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(unwatched)?;
     let watching = std::thread::Builder::new().spawn(move || {
         if signals.forever().next().is_none() {
             return;
         }
         cancelled.store(true, Ordering::Relaxed);
+        if keep && signals.forever().next().is_none() {
+            return;
+        }
         std::thread::sleep(GRACE);
         // Whatever still runs holds nothing but temporary files.
         staged::abandon(|written| {

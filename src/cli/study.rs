@@ -55,7 +55,7 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
     if !arguments.paper {
         return Err(Error::Usage("say which study: --paper, the thesis's own, is the only one so far".into()));
     }
-    let watch = watched(&arguments.manners)?;
+    let watch = watched(&arguments.manners, false)?;
     let job = Job {
         inputs: arguments.inputs.clone(),
         parts: arguments.tests.clone(),

@@ -32,6 +32,20 @@ pub(super) fn percent(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A time, in seconds, minutes or hours.
+pub(super) fn time(text: &str) -> Result<f64, String> {
+    let (digits, unit) = match text.char_indices().last() {
+        Some((i, 's')) => (&text[..i], 1.0),
+        Some((i, 'm')) => (&text[..i], 60.0),
+        Some((i, 'h')) => (&text[..i], 3600.0),
+        _ => (text, 1.0),
+    };
+    match digits.parse::<f64>().map(|value| value * unit) {
+        Ok(value) if (0.1..=1e7).contains(&value) => Ok(value),
+        _ => Err(format!("{text:?} is not a time from 0.1s up, such as 30s, 5m or 1h")),
+    }
+}
+
 /// A size in millions of bytes.
 pub(super) fn megabytes(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
@@ -67,6 +81,12 @@ mod tests {
             [Ok(10_000_000), Ok(1_000_000), Ok(250_000), Ok(7), Ok(1_500_000)]
         );
         assert!(["", "x", "-1", "1.5", "nan", "inf", "1e300", "é"].iter().all(|t| count(t).is_err()));
+    }
+
+    #[test]
+    fn times_have_units() {
+        assert_eq!([time("30s"), time("1.5m"), time("1h"), time("12")], [Ok(30.0), Ok(90.0), Ok(3600.0), Ok(12.0)]);
+        assert!(["0s", "-1s", "nan", "s", "", "1d", "1e9h", "infs"].iter().all(|t| time(t).is_err()));
     }
 
     #[test]

@@ -18,7 +18,7 @@ mod bake;
 mod render;
 
 pub use bake::BakeReport;
-pub use render::Render;
+pub use render::{Expected, Level, Render, percent};
 
 /// Everything a run says about itself.
 #[derive(Debug, Clone, Serialize)]
@@ -173,7 +173,7 @@ pub struct Grids {
 }
 
 /// One stage.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Stage {
     /// Its name.
     pub stage: &'static str,
@@ -315,6 +315,9 @@ impl Report {
         for output in &self.outputs {
             let _ = writeln!(t, "wrote {}", output.display());
         }
+        if let Some(r) = &self.render {
+            t += &r.cost();
+        }
         t
     }
 }
@@ -338,8 +341,15 @@ fn significant(x: f64) -> String {
     rounded.to_string()
 }
 
-fn duration(seconds: f64) -> String {
-    if seconds < 90.0 { format!("{seconds:.1} s") } else { format!("{:.0} min", seconds / 60.0) }
+/// Seconds for people: about two digits, in a unit that fits.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        ..10.0 => format!("{seconds:.1} s"),
+        ..100.0 => format!("{seconds:.0} s"),
+        ..6000.0 => format!("{:.0} min", seconds / 60.0),
+        ..172_800.0 => format!("{:.0} h", seconds / 3600.0),
+        _ => format!("{:.0} days", seconds / 86400.0),
+    }
 }
 
 /// The most memory this process has held, in bytes, where the system says so.

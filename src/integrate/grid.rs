@@ -51,10 +51,9 @@ const COARSE: f64 = 0.5;
 const OPAQUE: f64 = 14.0;
 /// Bricks behind more optical depth than this, from everywhere in them, are not lit.
 const HIDDEN: f64 = 9.0;
-/// What a number of a voxel takes while light is gathered and smoothed, bytes; what it takes afterwards, and if more photons are to come.
+/// What a number of a voxel takes while light is gathered and smoothed, bytes; and what it takes afterwards.
 const BYTES: u64 = 900;
 const KEPT: u64 = 70;
-const GOING_ON: u64 = 400;
 /// Voxels are at most so many a pixel; and so many may always be.
 const VOXELS_A_PIXEL: u64 = 16;
 const LEAST_VOXELS: u64 = 30_000;
@@ -70,8 +69,6 @@ const ALL: Basis = Basis::Around { degree: 2, axis: None };
 pub(super) struct GridTracer {
     channels: Vec<Channel>,
     pub origin: DVec3,
-    /// Whether more photons may come.
-    go_on: bool,
 }
 
 /// What of the spectrum is followed together: everything where the scene is grey, else a channel.
@@ -110,14 +107,14 @@ pub(super) struct Room {
 }
 
 impl GridTracer {
-    /// Compiles a scene, which is dark yet, for a camera. To `go_on` is to keep what photons have left for more to come.
-    pub(super) fn new(scene: &Scene, plan: &Plan, camera: &Camera, settings: &RenderSettings, go_on: bool) -> Self {
+    /// Compiles a scene, which is dark yet, for a camera, with voxels for the light of so many photons.
+    pub(super) fn new(scene: &Scene, plan: &Plan, camera: &Camera, settings: &RenderSettings, photons: u64) -> Self {
         let scene = &*plan.scene(scene);
         let parts = parts(scene);
         let fields = parts.len() as u64 * if scene.surfaces.is_empty() { 1 } else { 2 };
-        let held = settings.photon.memory / (BYTES + (fields - 1) * if go_on { GOING_ON } else { KEPT });
+        let held = settings.photon.memory / (BYTES + (fields - 1) * KEPT);
         // What photons are too few for, or pixels too wide, is not worth its time.
-        let told = if go_on { u64::MAX } else { settings.photon.photons / parts.len() as u64 };
+        let told = photons / parts.len() as u64;
         let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
         let channel = |(part, mask, tint): (Cow<Scene>, Vec3, Vec3)| {
             let tracer = PathTracer::new(&part, plan);
@@ -150,10 +147,10 @@ impl GridTracer {
         };
         let channels: Vec<Channel> = parts.into_iter().map(channel).collect();
         let origin = channels[0].tracer.origin;
-        GridTracer { channels, origin, go_on }
+        GridTracer { channels, origin }
     }
 
-    /// Follows photons until there have been so many, all channels together.
+    /// Follows so many photons, all channels together.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
@@ -165,7 +162,7 @@ impl GridTracer {
             }
             for (field, fewer) in [(view, 1), (around, FEWER)] {
                 if let Some(field) = field {
-                    field.brighten((followed, &tracer.bands[0].media), photons.div_ceil(fewer), self.go_on, progress)?;
+                    field.brighten((followed, &tracer.bands[0].media), photons.div_ceil(fewer), progress)?;
                 }
             }
         }

@@ -101,7 +101,8 @@ const TILE: u32 = 8;
 /// they are given.
 ///
 /// # Errors
-/// [`crate::Error::Interrupted`], and [`crate::Error::Scene`] where photons find no region.
+/// [`crate::Error::Interrupted`], but where [`Progress::keeps`] pixels that are done are given back, and the others are
+/// [`Pixel::UNKNOWN`]; and [`crate::Error::Scene`] where photons find no region.
 pub fn render(
     scene: &Scene,
     plan: &Plan,
@@ -110,50 +111,40 @@ pub fn render(
     pass1: Option<PhotonMap>,
     progress: &dyn Progress,
 ) -> Result<Rendering> {
-    Renderer::new(scene, plan, camera, false).take(settings, pass1, progress)
-}
-
-/// Takes pictures of a scene.
-#[derive(Debug)]
-pub struct Renderer<'a> {
-    scene: &'a Scene,
-    plan: &'a Plan,
-    camera: &'a Camera,
-    /// Whether there is to be a better picture after each.
-    go_on: bool,
-    grid: Option<GridTracer>,
-}
-
-impl<'a> Renderer<'a> {
-    /// Before the first picture. To `go_on` is to keep what [`Integrator::Grid`]'s photons have brought from one to the next.
-    pub fn new(scene: &'a Scene, plan: &'a Plan, camera: &'a Camera, go_on: bool) -> Self {
-        Renderer { scene, plan, camera, go_on, grid: None }
-    }
-
-    /// Takes a picture, as [`render`] does. Of the settings, only photons and samples may change from one to the next.
-    ///
-    /// # Errors
-    /// As [`render`].
-    pub fn take(&mut self, settings: &RenderSettings, pass1: Option<PhotonMap>, progress: &dyn Progress) -> Result<Rendering> {
-        let Renderer { scene, plan, camera, go_on, .. } = *self;
-        match settings.integrator {
-            Integrator::Path => {
-                let tracer = PathTracer::new(scene, plan);
-                expose(&tracer, tracer.origin, scene, camera, settings, progress)
-            }
-            Integrator::Photon => {
-                let tracer = PhotonTracer::new(scene, plan, settings, pass1, progress)?;
-                let rendering = expose(&tracer, tracer.origin, scene, camera, settings, progress)?;
-                Ok(Rendering { photons: Some(tracer.lighting), ..rendering })
-            }
-            Integrator::Grid => {
-                let tracer = self.grid.get_or_insert_with(|| GridTracer::new(scene, plan, camera, settings, go_on));
-                tracer.brighten(settings.photon.photons, progress)?;
-                let rendering = expose(tracer, tracer.origin, scene, camera, settings, progress)?;
-                Ok(Rendering { photons: Some(tracer.lighting()), ..rendering })
-            }
+    match settings.integrator {
+        Integrator::Path => {
+            let tracer = PathTracer::new(scene, plan);
+            expose(&tracer, tracer.origin, scene, camera, settings, progress)
         }
+        Integrator::Photon => {
+            let tracer = PhotonTracer::new(scene, plan, settings, pass1, progress)?;
+            let rendering = expose(&tracer, tracer.origin, scene, camera, settings, progress)?;
+            Ok(Rendering { photons: Some(tracer.lighting), ..rendering })
+        }
+        Integrator::Grid => sample(scene, plan, camera, settings, settings.photon.photons, progress),
     }
+}
+
+/// A picture by few photons or samples that tells what one by more of them will be: [`render`] with as many voxels, where there are any,
+/// as `photons` would ask for.
+///
+/// # Errors
+/// As [`render`].
+pub fn sample(
+    scene: &Scene,
+    plan: &Plan,
+    camera: &Camera,
+    settings: &RenderSettings,
+    photons: u64,
+    progress: &dyn Progress,
+) -> Result<Rendering> {
+    if settings.integrator != Integrator::Grid {
+        return render(scene, plan, camera, settings, None, progress);
+    }
+    let mut tracer = GridTracer::new(scene, plan, camera, settings, photons);
+    tracer.brighten(settings.photon.photons, progress)?;
+    let rendering = expose(&tracer, tracer.origin, scene, camera, settings, progress)?;
+    Ok(Rendering { photons: Some(tracer.lighting()), ..rendering })
 }
 
 /// Every pixel of a picture; `origin` is that of the transport's local space.
@@ -179,19 +170,25 @@ fn expose<T: Transport>(
             for y in y0..(y0 + TILE).min(height) {
                 for x in x0..(x0 + TILE).min(width) {
                     if progress.cancelled() {
-                        return out.done(0);
+                        return Done::default();
                     }
                     out.pixel(transport, &lens, (x, y), settings.spp, &mut rng, progress);
                 }
+            }
+            if progress.cancelled() {
+                // Its last pixel may have been left early.
+                return Done::default();
             }
             progress.at(done.fetch_add(out.pixels.len() as u64, Ordering::Relaxed) + out.pixels.len() as u64);
             let violations = T::scratch(&out.room).violations;
             out.done(violations)
         })
         .collect();
-    progress.check()?;
+    if !progress.keeps() {
+        progress.check()?;
+    }
     let sky = scene.sky.iter().any(|&c| c as f32 > 0.0);
-    let mut film = Film { width, height, pixels: vec![Pixel::default(); (width * height) as usize], sky };
+    let mut film = Film { width, height, pixels: vec![Pixel::UNKNOWN; (width * height) as usize], sky };
     for (tile, out) in (0..).zip(&tiles) {
         let (x0, y0) = (tile % across * TILE, tile / across * TILE);
         let columns = TILE.min(width - x0);
@@ -202,7 +199,7 @@ fn expose<T: Transport>(
     let sum = |of: fn(&Done) -> u64| tiles.iter().map(of).sum();
     Ok(Rendering {
         film,
-        samples: u64::from(width) * u64::from(height) * u64::from(settings.spp),
+        samples: sum(|t| t.pixels.len() as u64) * u64::from(settings.spp),
         collisions: sum(|t| t.collisions),
         truncated: sum(|t| t.truncated),
         violations: sum(|t| t.violations),

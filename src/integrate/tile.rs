@@ -6,6 +6,7 @@ use crate::media::Scratch;
 use crate::photon::GROUPS;
 use crate::progress::Progress;
 use crate::rng::Rng;
+use crate::scene::medium::luminance;
 use glam::{DVec3, Vec3};
 
 /// Samples of a pixel that also measure the transmittance, exactly along each ray.
@@ -91,8 +92,8 @@ pub(super) trait Transport: Sync {
     fn scratch(room: &Self::Room) -> &Scratch;
 }
 
-/// What a tile gives.
-#[derive(Debug)]
+/// What a tile gives; nothing where it was left early.
+#[derive(Debug, Default)]
 pub(super) struct Done {
     pub pixels: Vec<Pixel>,
     pub collisions: u64,
@@ -166,7 +167,8 @@ impl<Room> Tile<Room> {
         let count = (parts * parts) as usize;
         let between_samples = between[..count].iter().map(variance).sum::<DVec3>() / (count * count) as f64;
         // A quarter is left where the photons' part, which may come out below zero, would take all.
-        let noise = (between_samples + photons.variance(n)).max(0.25 * between_samples);
+        let of_photons = photons.variance(n);
+        let noise = (between_samples + of_photons).max(0.25 * between_samples);
         let error = (noise + (doubt / n).powf(2.0)).to_array().map(f64::sqrt);
         let clear = f64::from(spp.min(CLEAR));
         self.pixels.push(Pixel {
@@ -176,6 +178,8 @@ impl<Room> Tile<Room> {
             environment: rgb(light[3]),
             // One sample does not know its error.
             standard_error: if spp > 1 { DVec3::from_array(error).as_vec3().to_array() } else { [f32::INFINITY; 3] },
+            photon_noise: luminance(of_photons.max(DVec3::ZERO).to_array().map(f64::sqrt)) as f32,
+            bias: luminance((doubt / n).abs().to_array()) as f32,
             transmittance: (through / clear) as f32,
             opaque: (f64::from(opaque) / clear) as f32,
             depth: if events > 0.0 { (depth / events) as f32 } else { NOTHING },

@@ -111,6 +111,25 @@ fn thickest(scene: &Scene) -> f64 {
     scene.regions.iter().map(|r| r.medium.sigma_t() * r.shape.thickness()).fold(0.0, f64::max)
 }
 
+/// What is said of a picture that was interrupted.
+pub(super) fn cut_short(done: f64) -> String {
+    format!(
+        "interrupted: {:.0} % of the pixels were done, and the others are from a quicker picture; the stated errors are those of each",
+        100.0 * done
+    )
+}
+
+/// What a file with light says of that light's error: by how much blocks of its picture differ from the path tracer's, from its camera.
+/// The room for it is there before, because the file may have to fit a size.
+pub(super) fn light_error(metadata: &mut [(String, Meta)], report: &Report) {
+    let error = report.bake.as_ref().and_then(|bake| bake.errors.first());
+    if let Some((error, (_, value))) = error.zip(metadata.iter_mut().find(|(key, _)| key == LIGHT_ERROR)) {
+        *value = Meta::Float(error.rms);
+    }
+}
+
+const LIGHT_ERROR: &str = "light_error";
+
 /// What the file says about itself.
 pub(super) fn metadata(job: &Job, layout: &Layout, report: &Report) -> Vec<(String, Meta)> {
     let text = |key: &str, value: String| (key.to_string(), Meta::Text(value));
@@ -133,6 +152,10 @@ pub(super) fn metadata(job: &Job, layout: &Layout, report: &Report) -> Vec<(Stri
         number("sun_angle", sun.angular_diameter),
         text("source_hash", layout.source_hash.clone()),
     ]
+    .into_iter()
+    .chain(report.error.map(|error| number("photon_density_error", error.photon_density)))
+    .chain(job.bake.light.map(|_| number(LIGHT_ERROR, 0.0)))
+    .collect()
 }
 
 /// The report with its seconds and its memory.
@@ -161,7 +184,7 @@ impl Clock {
         self.last = Instant::now();
     }
 
-    fn elapsed(&self) -> f64 {
+    pub(super) fn elapsed(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }
 }

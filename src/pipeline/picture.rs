@@ -1,17 +1,20 @@
 //! From regions to a picture.
 
-use crate::error::Result;
-use crate::export::report::Render;
-use crate::film::Film;
 use crate::integrate::photon::{Gathering, PhotonSettings};
-use crate::integrate::{Directional, Integrator, RenderSettings, Renderer};
-use crate::photon::{Model, PhotonMap};
-use crate::plan::{Density, Plan};
-use crate::progress::Progress;
+use crate::integrate::{Directional, Integrator, RenderSettings};
+use crate::photon::Model;
+use crate::plan::Density;
 use crate::regions::Duality;
 use crate::scene::{Framed, Region, Scene, View};
 use std::borrow::Cow;
-use std::time::Instant;
+
+mod forecast;
+mod goal;
+mod series;
+mod timed;
+
+pub use goal::{Goal, take_to};
+pub use series::take;
 
 /// How pictures are taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,8 +23,12 @@ pub struct Picture {
     pub integrator: Option<Integrator>,
     /// Samples a pixel; [`Integrator::usual_spp`] where nobody says.
     pub spp: Option<u32>,
-    /// The relative error of a pixel ([`Film::relative_error`]) to go on to, where one is asked for.
+    /// Photons of the grid integrator; as many as of the run, where nobody says.
+    pub photons: Option<u64>,
+    /// The relative error of a pixel ([`crate::film::Film::relative_error`]) to go on to, where one is asked for.
     pub error: Option<f64>,
+    /// The seconds of the whole run within which the picture is to be as good as it can be, where they are given.
+    pub seconds: Option<f64>,
     /// What the voxels of [`Integrator::Grid`] may take, bytes.
     pub memory: u64,
     /// What they keep of light's directions.
@@ -44,7 +51,9 @@ impl Default for Picture {
         Picture {
             integrator: None,
             spp: None,
+            photons: None,
             error: None,
+            seconds: None,
             memory,
             directional,
             gather,
@@ -64,6 +73,7 @@ impl Picture {
         let Picture { spp, gather, step, shadow_rays, memory, directional, .. } = *self;
         let spp = spp.unwrap_or(integrator.usual_spp());
         let Duality { model, estimate, seed, .. } = *duality;
+        let photons = self.photons.filter(|_| integrator == Integrator::Grid).unwrap_or(photons);
         let photon = PhotonSettings { model, gather, photons, estimate, step, shadow_rays, memory, directional };
         RenderSettings { integrator, width: framed.width, height: framed.height, spp, seed, photon }
     }
@@ -104,58 +114,5 @@ pub fn lit<'a>(scene: &'a Scene, written: &[Region], density: Density) -> Cow<'a
             camera: scene.camera,
             wishes: scene.wishes,
         }),
-    }
-}
-
-/// Takes the picture of a scene. The photons of pass 1 light it where they are given.
-///
-/// # Errors
-/// [`crate::Error::Interrupted`].
-pub fn take(
-    scene: &Scene,
-    framed: &Framed,
-    settings: &RenderSettings,
-    pass1: Option<PhotonMap>,
-    watch: &dyn Progress,
-) -> Result<(Film, Render)> {
-    // The effects of what is rendered: regions of the duality overlap where those of the layout may not.
-    let plan = Plan::for_scene(scene, Density::Source);
-    let begun = Instant::now();
-    let rendering = Renderer::new(scene, &plan, &framed.camera, false).take(settings, pass1, watch)?;
-    let render = Render::of(settings, &rendering, begun.elapsed().as_secs_f64());
-    Ok((rendering.film, render))
-}
-
-/// Rounds of [`take_to`] at most, and by how much settings grow from one to the next at most.
-const ROUNDS: u32 = 6;
-const GROWTH: f64 = 64.0;
-/// What the first round takes.
-const FIRST_PHOTONS: u64 = 100_000;
-const FIRST_SPP: u32 = 8;
-
-/// Takes pictures by more and more photons and samples, until a pixel is known to `error`; the last one counts.
-///
-/// # Errors
-/// [`crate::Error::Interrupted`].
-pub fn take_to(error: f64, scene: &Scene, framed: &Framed, settings: &RenderSettings, watch: &dyn Progress) -> Result<(Film, Render)> {
-    let mut settings = RenderSettings { spp: FIRST_SPP, photon: PhotonSettings { photons: FIRST_PHOTONS, ..settings.photon }, ..*settings };
-    let plan = Plan::for_scene(scene, Density::Source);
-    let mut renderer = Renderer::new(scene, &plan, &framed.camera, true);
-    let begun = Instant::now();
-    let mut round = 1;
-    loop {
-        let rendering = renderer.take(&settings, None, watch)?;
-        let short = rendering.film.relative_error().map_or(1.0, |found| found / error);
-        if short <= 1.0 || round == ROUNDS {
-            let render = Render::of(&settings, &rendering, begun.elapsed().as_secs_f64());
-            return Ok((rendering.film, render));
-        }
-        // The error falls as the root of what is spent; a quarter more, because it is itself an estimate, and a further round costs more.
-        let more = (1.25 * short * short).clamp(1.2, GROWTH);
-        settings.photon.photons = (settings.photon.photons as f64 * more) as u64;
-        // Samples cost the grid integrator little of its error.
-        let more = if settings.integrator == Integrator::Grid { more.sqrt() } else { more };
-        settings.spp = ((f64::from(settings.spp) * more / 4.0).ceil() * 4.0) as u32;
-        round += 1;
     }
 }

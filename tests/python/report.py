@@ -63,7 +63,7 @@ class Report:
 
 # Fields that may differ between two runs of the same job: clocks, the machine and where the files lie.
 UNSTABLE = {"seconds", "timings", "elapsed", "wall_seconds", "cpu_seconds", "peak_memory", "peak_memory_bytes", "memory",
-            "threads", "date", "time", "host", "outputs", "written_files", "command", "rate", "photons_per_second", "samples_per_second", "seconds_for_half"}
+            "threads", "date", "time", "host", "outputs", "written_files", "command", "rate", "photons_per_second", "samples_per_second", "seconds_for_half", "forecast", "stages"}
 
 
 def stable(value):

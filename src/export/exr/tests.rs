@@ -14,6 +14,8 @@ fn film(width: u32, height: u32, sky: bool) -> Film {
             surface: colour(2),
             environment: colour(3),
             standard_error: colour(4),
+            photon_noise: value(17),
+            bias: value(18),
             transmittance: 1.0 / (1.0 + value(15)),
             opaque: (i % 3) as f32 / 2.0,
             depth: if i.is_multiple_of(5) { NOTHING } else { 1.0 + value(16) },

@@ -7,7 +7,7 @@
 //! [`crate::integrate::Integrator::Path`].
 
 use super::basis::{Basis, harmonics};
-use super::deposit::{CLASSES, Gathered, empty, gather};
+use super::deposit::{CLASSES, empty, gather};
 use super::fit::{Fit, needed};
 use super::space::Space;
 use crate::bvh::Box3;
@@ -50,9 +50,7 @@ pub(super) struct Request<'a> {
 pub(super) struct Field {
     basis: Basis,
     space: Space,
-    /// What photons have left so far, where more are to come.
-    gathered: Option<Gathered>,
-    /// How many items of photons each group has brought to that; the first item, and the seed.
+    /// How many items of photons each group has brought; the first item, and the seed.
     items: u64,
     first: u64,
     seed: u64,
@@ -70,31 +68,17 @@ impl Field {
     pub(super) fn new(request: Request) -> Self {
         let Request { first, seed, coarser, .. } = request;
         let space = Space::new(&request);
-        Field { basis: request.basis, space, gathered: None, items: 0, first, seed, coarser, light: vec![], doubt: vec![], lit: vec![] }
+        Field { basis: request.basis, space, items: 0, first, seed, coarser, light: vec![], doubt: vec![], lit: vec![] }
     }
 
-    /// Follows photons until there have been so many, and smooths the light of all. Where it is not to `go_on`, what they left is dropped:
-    /// the next time begins anew.
+    /// Follows so many photons, and smooths their light.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
-    pub(super) fn brighten(
-        &mut self,
-        (tracer, media): (&Tracer, &Media),
-        photons: u64,
-        go_on: bool,
-        progress: &dyn Progress,
-    ) -> Result<()> {
-        let mut gathered = self.gathered.take().unwrap_or_else(|| {
-            self.items = 0;
-            empty(&self.space, &self.basis)
-        });
-        let more = photons.div_ceil(GROUPS as u64 * Tracer::PATHS).saturating_sub(self.items);
-        if more > 0 {
-            let first = self.first + self.items * GROUPS as u64;
-            gather((tracer, media, &self.basis), &self.space, (first, more), self.seed, &mut gathered, progress)?;
-            self.items += more;
-        }
+    pub(super) fn brighten(&mut self, (tracer, media): (&Tracer, &Media), photons: u64, progress: &dyn Progress) -> Result<()> {
+        let mut gathered = empty(&self.space, &self.basis);
+        self.items = photons.div_ceil(GROUPS as u64 * Tracer::PATHS);
+        gather((tracer, media, &self.basis), &self.space, (self.first, self.items), self.seed, &mut gathered, progress)?;
         // The kernel that is best grows slowly as photons get fewer: with twicing its bias falls as a high power of its width.
         let crowd = self.photons() as f64 / (tracer.silhouette() * self.space.usual.powi(2));
         let wider = self.coarser * (USUAL / crowd).powf(1.0 / 11.0).clamp(0.5, 2.0);
@@ -126,7 +110,6 @@ impl Field {
                 }
             }
         }
-        self.gathered = go_on.then_some(gathered);
         Ok(())
     }
 

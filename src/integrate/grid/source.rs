@@ -130,7 +130,7 @@ impl SourceFunction {
                 let request =
                     Request { scene: &part, media, basis, origin, seen: &seen, first: 0, seed: settings.seed, voxels, coarser: 1.0 };
                 let mut field = Field::new(request);
-                field.brighten((&followed.photons, media), share, false, progress)?;
+                field.brighten((&followed.photons, media), share, progress)?;
                 followed.lobe = field.lobe(mean_cosine).map_or(0.0, |lobe| lobe.clamp(LOBE[0], LOBE[1]));
                 followed.field = Some(field);
             }

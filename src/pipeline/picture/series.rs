@@ -1,0 +1,140 @@
+//! Pictures of one view, one after another: what each took, and the best so far.
+
+use super::forecast::{Forecast, Shot};
+use super::timed::Timed;
+use crate::error::{Error, Result};
+use crate::export::report::{Render, Stage};
+use crate::film::{Film, Pixel};
+use crate::integrate::{Integrator, RenderSettings, Rendering, render, sample};
+use crate::photon::PhotonMap;
+use crate::plan::{Density, Plan};
+use crate::progress::Progress;
+use crate::scene::{Framed, Scene};
+use std::time::Instant;
+
+/// A view, and what has been seen of it.
+pub(super) struct Series<'a> {
+    scene: &'a Scene,
+    framed: &'a Framed,
+    /// The effects of what is rendered: regions of the duality overlap where those of the layout may not.
+    plan: Plan,
+    pub watch: &'a dyn Progress,
+    begun: Instant,
+    /// The last picture, and what its pixels and those of the one before it say.
+    last: Option<(RenderSettings, Rendering, Vec<Stage>)>,
+    shot: Option<Shot>,
+    before: Option<Shot>,
+    /// The share of the last picture's pixels that were done, where it was interrupted: the others are the picture's before it.
+    cut: Option<f64>,
+}
+
+impl<'a> Series<'a> {
+    /// Before the first picture.
+    pub fn new(scene: &'a Scene, framed: &'a Framed, watch: &'a dyn Progress) -> Self {
+        let plan = Plan::for_scene(scene, Density::Source);
+        Series { scene, framed, plan, watch, begun: Instant::now(), last: None, shot: None, before: None, cut: None }
+    }
+
+    /// Takes a picture with voxels as for so many photons. `false` where the run should stop and keep what it has.
+    ///
+    /// # Errors
+    /// As [`render`].
+    pub fn take(&mut self, settings: &RenderSettings, voxels_for: u64, pass1: Option<PhotonMap>) -> Result<bool> {
+        let (scene, plan, camera, timed) = (self.scene, &self.plan, &self.framed.camera, Timed::new(self.watch));
+        let taken = match settings.integrator {
+            Integrator::Grid => sample(scene, plan, camera, settings, voxels_for, &timed),
+            Integrator::Path | Integrator::Photon => render(scene, plan, camera, settings, pass1, &timed),
+        };
+        let mut rendering = match (taken, &self.last) {
+            // Before any pixel of it.
+            (Err(Error::Interrupted), Some(_)) if self.watch.keeps() => {
+                self.cut = Some(0.0);
+                return Ok(false);
+            }
+            (taken, _) => taken?,
+        };
+        let pixels = &mut rendering.film.pixels;
+        let done = pixels.iter().filter(|p| **p != Pixel::UNKNOWN).count() as f64 / pixels.len() as f64;
+        if done < 1.0 {
+            if done == 0.0 && self.last.is_none() {
+                return Err(Error::Interrupted);
+            }
+            if let Some((_, before, _)) = &self.last {
+                let known = pixels.iter_mut().zip(&before.film.pixels).filter(|(p, _)| **p == Pixel::UNKNOWN);
+                known.for_each(|(pixel, before)| *pixel = *before);
+            }
+            self.cut = Some(done);
+        } else {
+            self.before = self.shot;
+            self.shot = Shot::of(settings, voxels_for, &rendering, &timed.stages());
+        }
+        self.last = Some((*settings, rendering, timed.stages()));
+        Ok(done == 1.0)
+    }
+
+    /// Seconds since the first picture began.
+    pub fn elapsed(&self) -> f64 {
+        self.begun.elapsed().as_secs_f64()
+    }
+
+    /// The relative error of the last picture, where any pixel of it receives light.
+    pub fn error(&self) -> Option<f64> {
+        self.last.as_ref().and_then(|(_, rendering, _)| rendering.film.relative_error())
+    }
+
+    /// What others would be, by the last picture and the one before it.
+    pub fn forecast(&self) -> Option<Forecast> {
+        let (settings, ..) = self.last.as_ref()?;
+        Some(Forecast::new(settings, self.shot?, self.before))
+    }
+
+    /// The last picture, and what it says of itself, also of an error that was `asked` for.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] where there is none.
+    pub fn end(self, asked: Option<f64>) -> Result<(Film, Render)> {
+        let forecast = self.forecast();
+        let seconds = self.elapsed();
+        let Some((settings, rendering, stages)) = self.last else { return Err(Error::Interrupted) };
+        let mut render = Render::of(&settings, &rendering, seconds);
+        render.stages = stages;
+        render.finished = self.cut;
+        // What is cut short is not what was forecast from.
+        if let Some(forecast) = forecast.filter(|_| self.cut.is_none() && settings.integrator != Integrator::Photon) {
+            render.forecast = forecast.levels(asked);
+        }
+        Ok((rendering.film, render))
+    }
+}
+
+/// Samples and photons of the pictures that come first where what is done is to be kept, one after another: so many times fewer. In all
+/// they take a fifteenth of the last.
+const FEWER: [u32; 3] = [4096, 256, 16];
+/// The fewest of them that show anything.
+const FEWEST: (u32, u64) = (2, 10_000);
+
+/// Takes the picture of a scene. The photons of pass 1 light it where they are given. Where the watch [`Progress::keeps`] what is done,
+/// quick pictures come first.
+///
+/// # Errors
+/// [`Error::Interrupted`].
+pub fn take(
+    scene: &Scene,
+    framed: &Framed,
+    settings: &RenderSettings,
+    pass1: Option<PhotonMap>,
+    watch: &dyn Progress,
+) -> Result<(Film, Render)> {
+    let mut series = Series::new(scene, framed, watch);
+    for fewer in FEWER.into_iter().filter(|_| watch.keeps() && settings.integrator != Integrator::Photon) {
+        let mut quick = RenderSettings { spp: (settings.spp / fewer).max(FEWEST.0), ..*settings };
+        quick.photon.photons /= u64::from(fewer);
+        let shows =
+            if settings.integrator == Integrator::Grid { quick.photon.photons >= FEWEST.1 } else { settings.spp / fewer >= FEWEST.0 };
+        if shows && !series.take(&quick, quick.photon.photons, None)? {
+            return series.end(None);
+        }
+    }
+    series.take(settings, settings.photon.photons, pass1)?;
+    series.end(None)
+}
