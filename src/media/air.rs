@@ -107,7 +107,7 @@ impl Layer {
     pub fn distance(&self, ray: &Ray, reach: f32, tau: f64) -> Option<f32> {
         let stretch = self.stretch(ray, reach.into())?;
         let along = stretch.distance(tau);
-        (along < stretch.length).then(|| (stretch.enter + along) as f32)
+        (along < stretch.length).then_some((stretch.enter + along) as f32)
     }
 
     /// Extinction where it is largest, 1/m.
