@@ -10,6 +10,8 @@ use std::f64::consts::PI;
 
 /// More orders than this are as good as all.
 const MOST_ORDERS: u32 = 64;
+/// What stands for the optical depth along a layer without end: a figure that files can hold.
+const ENDLESS: f64 = 1e6;
 
 /// An upper bound of the optical depth along any straight line through a region, largest channel.
 fn deepest(region: &Region) -> f64 {
@@ -32,7 +34,7 @@ fn deepest(region: &Region) -> f64 {
     if sigma == 0.0 {
         0.0
     } else if region.shape.is_endless() {
-        f64::INFINITY
+        ENDLESS
     } else {
         sigma * longest
     }
@@ -65,7 +67,7 @@ pub(super) fn multiple_scattering(scene: &Scene, tolerance: f64) -> (Finding, Op
     let term = |order: u32| tau.exp() * collides.powi(order as i32 - 1) * flatter(range, order as i32);
     // What comes after the last order that is looked at falls by the same factor at least, and is never flatter than even.
     let even = henyey_greenstein(0.0, 1.0) / henyey_greenstein(range.1.abs().max(range.0.abs()), 2.0);
-    let rest = if collides < 1.0 { tau.exp() * collides.powi(MOST_ORDERS as i32) / (1.0 - collides) * even } else { f64::INFINITY };
+    let rest = if tau < 8.0 { tau.exp() * collides.powi(MOST_ORDERS as i32) / (1.0 - collides) * even } else { f64::INFINITY };
     let (mut tail, mut orders, mut bound) = (rest, None, rest);
     if tau < 8.0 && scatters && !scene.regions.is_empty() {
         for order in (2..=MOST_ORDERS).rev() {
