@@ -10,6 +10,8 @@ use std::f64::consts::PI;
 
 /// More orders than this are as good as all.
 const MOST_ORDERS: u32 = 64;
+/// From this optical depth on no bound on multiple scattering is worth having.
+const THICK: f64 = 3.0;
 /// What stands for the optical depth along a layer without end: a figure that files can hold.
 const ENDLESS: f64 = 1e6;
 
@@ -57,48 +59,86 @@ fn flatter(g: (f64, f64), order: i32) -> f64 {
         .fold(1.0, f64::max)
 }
 
-/// Light of order n + 1 comes from light of order n that collides once more, of which there is a share of at most 1 - e^-tau; the first
-/// order is at least e^-tau of what it is without attenuation.
-pub(super) fn multiple_scattering(scene: &Scene, tolerance: f64) -> (Finding, Option<u32>) {
-    let tau: f64 = scene.regions.iter().map(deepest).sum();
-    let scatters = scene.regions.iter().any(|r| r.medium.albedo() > 0.0);
-    let collides = -(-tau).exp_m1();
-    let range = scene.regions.iter().fold((1.0f64, -1.0f64), |(low, high), r| (low.min(r.medium.g), high.max(r.medium.g)));
-    let term = |order: u32| tau.exp() * collides.powi(order as i32 - 1) * flatter(range, order as i32);
-    // What comes after the last order that is looked at falls by the same factor at least, and is never flatter than even.
-    let even = henyey_greenstein(0.0, 1.0) / henyey_greenstein(range.1.abs().max(range.0.abs()), 2.0);
-    let rest = if tau < 8.0 { tau.exp() * collides.powi(MOST_ORDERS as i32) / (1.0 - collides) * even } else { f64::INFINITY };
-    let (mut tail, mut orders, mut bound) = (rest, None, rest);
-    if tau < 8.0 && scatters && !scene.regions.is_empty() {
-        for order in (2..=MOST_ORDERS).rev() {
-            tail += term(order);
-            if tail <= tolerance {
-                orders = Some(order - 1);
-            }
-        }
-        bound = tail;
-    }
-    let bound = if bound.is_finite() { bound.min(1.0) } else { 1.0 };
-    let reason = match orders {
-        Some(1) | None if tau < 8.0 => {
-            format!("along any line optical depth is at most {tau:.3}: all orders from the second on add at most {:.2} %", 100.0 * bound)
-        }
-        Some(n) => format!("along any line optical depth is at most {tau:.3}: orders after the {n}. add less than the tolerance"),
-        None => format!("along some line optical depth may be {tau:.3}: light scatters many times"),
-    };
-    (Finding { there: scatters && tau > 0.0, figure: tau, bound, reason }, orders)
+/// Light of all orders from the second on, over that of the first: bounds, order by order.
+struct Orders {
+    /// An upper bound of the optical depth along any line.
+    tau: f64,
+    /// Of the orders 2 to [`MOST_ORDERS`], and of all beyond; none where the sum has no bound worth having.
+    terms: Option<(Vec<f64>, f64)>,
 }
 
-/// Light that is scattered n times keeps albedo^n; the mean n is bounded by some optical depths.
+/// Light of order n + 1 comes from light of order n that collides once more, of which there is a share of at most 1 - e^-tau; the first
+/// order is at least e^-tau of what the sun's is without attenuation, unless a surface hides the sun.
+fn orders(scene: &Scene) -> Orders {
+    let tau: f64 = scene.regions.iter().map(deepest).sum();
+    if tau >= THICK || scene.regions.is_empty() || may_hide_the_sun(scene) {
+        return Orders { tau, terms: None };
+    }
+    let collides = -(-tau).exp_m1();
+    let range = scene.regions.iter().fold((1.0f64, -1.0f64), |(low, high), r| (low.min(r.medium.g), high.max(r.medium.g)));
+    // What is never flatter than even; light of sky and surfaces comes from where the sun does not.
+    let even = henyey_greenstein(0.0, 1.0) / henyey_greenstein(range.1.abs().max(range.0.abs()), 2.0);
+    let sun = scene.sun.irradiance.into_iter().fold(f64::INFINITY, f64::min);
+    let sky = scene.sky.into_iter().fold(0.0, f64::max);
+    let others = match (sky > 0.0, sun > 0.0) {
+        (true, true) => even * (4.0 * PI * sky / sun + reflected(scene)),
+        (false, true) => even * reflected(scene),
+        // The sky alone is even.
+        (true, false) if scene.surfaces.is_empty() => 0.0,
+        _ => return Orders { tau, terms: None },
+    };
+    let strength = tau.exp() * (1.0 + others);
+    let term = |order: u32| strength * collides.powi(order as i32 - 1) * flatter(range, order as i32);
+    // Beyond, terms fall by the same factor at least.
+    let rest = strength * collides.powi(MOST_ORDERS as i32) / (1.0 - collides) * even;
+    Orders { tau, terms: Some(((2..=MOST_ORDERS).map(term).collect(), rest)) }
+}
+
+/// Whether a surface may stand between the sun and a region: one that lies wholly below all regions does not, where light comes from above.
+fn may_hide_the_sun(scene: &Scene) -> bool {
+    let lowest = scene.region_bounds().min.z;
+    let steep = scene.sun.direction.z < -(0.5 * scene.sun.angular_diameter).sin();
+    scene.surfaces.iter().any(|s| !steep || s.mesh.bounds().max.z > lowest)
+}
+
+/// Orders after the last that matters are not followed.
+pub(super) fn multiple_scattering(scene: &Scene, tolerance: f64) -> (Finding, Option<u32>) {
+    let Orders { tau, terms } = orders(scene);
+    let scatters = scene.regions.iter().any(|r| r.medium.albedo() > 0.0);
+    let (mut bound, mut last) = (1.0, None);
+    if let Some((terms, rest)) = terms.filter(|_| scatters) {
+        bound = rest;
+        for (order, term) in (2..=MOST_ORDERS).rev().zip(terms.iter().rev()) {
+            bound += term;
+            if bound <= tolerance {
+                last = Some(order - 1);
+            }
+        }
+    }
+    let bound = bound.min(1.0);
+    let reason = match last {
+        Some(n) if n > 1 => format!("along any line optical depth is at most {tau:.3}: orders after the {n}. add less than the tolerance"),
+        _ if bound < 1.0 => {
+            format!("along any line optical depth is at most {tau:.3}: all orders from the second on add at most {:.2} %", 100.0 * bound)
+        }
+        _ => format!("along some line optical depth may be {tau:.3}: light scatters many times, or surfaces may hide the first"),
+    };
+    (Finding { there: scatters && tau > 0.0, figure: tau, bound, reason }, last)
+}
+
+/// Of light that has scattered n times, absorption takes at most n times what it takes at one collision. In thick regions nothing bounds
+/// how often the light of their dark side has scattered.
 pub(super) fn absorption(scene: &Scene) -> Finding {
     let absorbed = most(scene, |r| 1.0 - r.medium.albedo_rgb().into_iter().fold(r.medium.albedo(), f64::min));
-    let tau: f64 = scene.regions.iter().map(deepest).sum();
+    let collisions = orders(scene).terms.map_or(f64::INFINITY, |(terms, rest)| {
+        1.0 + (2..=MOST_ORDERS).zip(&terms).map(|(order, term)| f64::from(order) * term).sum::<f64>() + f64::from(2 * MOST_ORDERS) * rest
+    });
     let reason = if absorbed > 0.0 {
         format!("the darkest medium absorbs {:.4} % at each collision", 100.0 * absorbed)
     } else {
         "every albedo is 1: no photon needs a roulette".into()
     };
-    Finding { there: absorbed > 0.0, figure: absorbed, bound: (3.0 * (1.0 + tau) * absorbed).min(1.0), reason }
+    Finding { there: absorbed > 0.0, figure: absorbed, bound: (collisions * absorbed).min(1.0), reason }
 }
 
 /// The phase function differs from an even one by at most what its peak is above it.
@@ -184,8 +224,7 @@ pub(super) fn cloud_shadow(scene: &Scene) -> Finding {
 }
 
 /// A white surface under the sun sends 2 E cos over the half of directions that it fills; it fills no more than it is seen to.
-pub(super) fn surface_bounce(scene: &Scene) -> Finding {
-    let albedo = scene.surfaces.iter().flat_map(|s| s.albedo).fold(0.0, f64::max);
+fn reflected(scene: &Scene) -> f64 {
     let regions = scene.region_bounds();
     let (centre, half) = (regions.centre(), 0.5 * regions.size().length());
     let seen = |s: &crate::scene::Surface| {
@@ -194,7 +233,12 @@ pub(super) fn surface_bounce(scene: &Scene) -> Finding {
         // The share of all directions within the cone to a ball.
         if away > wide { 0.5 * (1.0 - (1.0 - (wide / away).powi(2)).sqrt()) } else { 0.5 }
     };
-    let bound = scene.surfaces.iter().map(|s| 4.0 * seen(s) * s.albedo.into_iter().fold(0.0, f64::max)).sum::<f64>();
+    scene.surfaces.iter().map(|s| 4.0 * seen(s) * s.albedo.into_iter().fold(0.0, f64::max)).sum()
+}
+
+pub(super) fn surface_bounce(scene: &Scene) -> Finding {
+    let albedo = scene.surfaces.iter().flat_map(|s| s.albedo).fold(0.0, f64::max);
+    let bound = reflected(scene);
     let reason = if albedo > 0.0 && !scene.regions.is_empty() {
         format!("surfaces reflect up to {:.1} %, and send regions at most {:.2} % of what the sun does", 100.0 * albedo, 100.0 * bound)
     } else if scene.surfaces.is_empty() {
@@ -234,7 +278,8 @@ pub(super) fn colour(scene: &Scene) -> Finding {
     } else {
         "sun, media and surfaces are grey: one number says all".into()
     };
-    let often = if media > 0.0 { 3.0 * (1.0 + tau) * media } else { 0.0 };
+    // What differs at each collision may differ without bound after many.
+    let often = if media > 0.0 && tau >= THICK { 1.0 } else { 3.0 * (1.0 + tau) * tau.exp() * media };
     Finding { there: figure > 0.0, figure, bound: (often + air + 3.0 * surfaces + lights).min(1.0), reason }
 }
 
