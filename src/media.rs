@@ -246,7 +246,9 @@ impl Media {
         }
         self.intervals(ray, t_max, scratch);
         let length = |i: &Interval| f64::from(i.exit.min(t_max)) - f64::from(i.enter.max(0.0));
-        scratch.intervals.iter().map(|i| length(i) * self.optics(i.region).sigma_t).fold(0.0, |sum, depth| sum + depth)
+        // A level ray is in a layer for ever; without extinction that costs nothing, and 0 x inf would be NaN.
+        let depth = |i: &Interval| if self.optics(i.region).sigma_t > 0.0 { length(i) * self.optics(i.region).sigma_t } else { 0.0 };
+        scratch.intervals.iter().map(depth).fold(0.0, |sum, depth| sum + depth)
     }
 
     /// Whether any region is a voxel grid: those have no stretches of even extinction.

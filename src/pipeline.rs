@@ -138,7 +138,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
         } else {
             take(&scene, &framed, &settings, pass1, progress)?
         };
-        report.notes.extend(job.picture.note(&scene, job.duality.model));
+        report.notes.extend(job.picture.notes(&scene, job.duality.model));
         report.notes.extend(render.finished.map(account::cut_short));
         kept = render.finished.is_some();
         report.render = Some(render);

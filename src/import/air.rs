@@ -9,16 +9,12 @@ use crate::{
     Error, Result,
     scene::{
         Air, Medium,
-        air::{AirLayer, MOST_LAYERS, Scattering},
+        air::{AirLayer, MOST_LAYERS, SCALE_HEIGHTS, Scattering, VISIBLE},
     },
 };
 use serde_json::{Map, Value};
 use std::path::Path;
 
-/// Above its base, a layer that thins ends after so many scale heights.
-const SCALE_HEIGHTS: f64 = 30.0;
-/// ln 50: see [`AirLayer::aerosol`].
-const VISIBLE: f64 = 3.912;
 const PRESET_KEYS: [&str; 3] = ["preset", "visibility", "base"];
 const LAYER_KEYS: [&str; 4] = ["visibility", "base", "top", "scale_height"];
 const MEDIUM_KEYS: [&str; 6] = ["preset", "sigma_s", "sigma_a", "sigma_t", "albedo", "g"];

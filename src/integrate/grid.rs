@@ -177,8 +177,8 @@ impl GridTracer {
 }
 
 /// The grey scenes that make up a scene, with the channels that each stands for and the tint of its light: one, where sun and sky have the
-/// same and nothing else is coloured, air neither; two, one of the sun's light and one of the sky's, where only these differ, so that noise has no other
-/// colours than they; else three.
+/// same and nothing else is coloured, air neither; two, one of the sun's light and one of the sky's, where only these differ, so that
+/// noise has no other colours than they; else three.
 fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
     let (sun, sky) = (scene.sun.irradiance, scene.sky);
     let mut parts = channels_of(scene, Model::Physical);

@@ -7,7 +7,7 @@ use crate::media::air::Layer;
 use crate::rng::Rng;
 use crate::sampling::{around, uniform_disc};
 use crate::scene::Sun;
-use crate::scene::phase::{henyey_greenstein, sample_henyey_greenstein};
+use crate::scene::phase::{henyey_greenstein, one_minus_cos, sample_henyey_greenstein};
 use crate::trimesh::{Hit, TriMesh};
 use glam::{DVec3, Vec3};
 use std::f32::consts::FRAC_1_PI;
@@ -129,12 +129,6 @@ impl Sunlight {
         let sunward = henyey_greenstein(rivals.g, one_minus_cos(-self.direction, direction));
         (own / (own + rivals.rate * sunward)) as f32
     }
-}
-
-/// |a - b|^2 / 2 is 1 - cos without cancellation.
-#[inline]
-fn one_minus_cos(a: Vec3, b: Vec3) -> f64 {
-    0.5 * f64::from((a - b).length_squared())
 }
 
 /// The share of light that arrives at `p` from direction `toward`, far away; an unbiased estimate. `weight` as in

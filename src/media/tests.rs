@@ -59,6 +59,19 @@ fn inside(shape: &Shape, p: DVec3) -> bool {
     }
 }
 
+/// A layer without extinction, such as an empty channel of a coloured one, takes nothing from a level ray that is in it for ever.
+#[test]
+fn a_level_ray_in_an_empty_layer_has_no_depth() {
+    let shape = Shape::Slab { centre: DVec3::ZERO, half_height: 1.0, half_extent: glam::DVec2::ONE };
+    let region = Region { name: "layer".into(), shape, medium: Medium::grey(0.0, 0.0, 0.0), photons: None };
+    let (media, ray, mut scratch) =
+        (Media::new(&[region], DVec3::ZERO), Ray { origin: Vec3::ZERO, direction: Vec3::X }, Scratch::default());
+    assert_eq!(media.optical_depth(&ray, f32::INFINITY, &mut scratch), 0.0);
+    let mut rng = Rng::new(1, crate::rng::Stage::Render, 0);
+    assert_eq!(media.sunlight(Vec3::ZERO, Vec3::X, 1.0, &mut rng, &mut scratch), 1.0);
+    assert_eq!(media.fly(&ray, f32::INFINITY, 0.1, 0.0, &mut rng, &mut scratch), Flight::Passed);
+}
+
 #[test]
 fn optical_depth_equals_a_fine_march_through_overlapping_shapes() {
     let mut rng = Rng::new(1, Stage::Photons, 0);

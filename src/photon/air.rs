@@ -12,7 +12,7 @@ use crate::media::air::Layer;
 use crate::media::{Flight, Scratch};
 use crate::rng::{Rng, Stage};
 use crate::sampling::{around, cosine_hemisphere, uniform_disc};
-use crate::scene::phase::{henyey_greenstein, sample_henyey_greenstein};
+use crate::scene::phase::{henyey_greenstein, one_minus_cos, sample_henyey_greenstein};
 use glam::Vec3;
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
@@ -152,9 +152,4 @@ impl Tracer {
             }
         }
     }
-}
-
-/// |a - b|^2 / 2 is 1 - cos without cancellation.
-fn one_minus_cos(a: Vec3, b: Vec3) -> f64 {
-    0.5 * f64::from((a - b).length_squared())
 }

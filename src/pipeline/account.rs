@@ -154,7 +154,7 @@ pub(super) fn metadata(job: &Job, layout: &Layout, report: &Report) -> Vec<(Stri
     ]
     .into_iter()
     .chain(report.error.map(|error| number("photon_density_error", error.photon_density)))
-    .chain(job.bake.light.map(|_| number(LIGHT_ERROR, 0.0)))
+    .chain(job.bake.light.filter(|_| job.bake.checked).map(|_| number(LIGHT_ERROR, 0.0)))
     .collect()
 }
 

@@ -78,17 +78,20 @@ impl Picture {
         RenderSettings { integrator, width: framed.width, height: framed.height, spp, seed, photon }
     }
 
-    /// What is missing in it, where anything is.
-    pub(super) fn note(&self, scene: &Scene, model: Model) -> Option<String> {
+    /// What is missing in it.
+    pub(super) fn notes(&self, scene: &Scene, model: Model) -> Vec<String> {
         match self.integrator {
-            None => gridless(&scene.regions, model).map(|reason| format!("the picture is by --integrator path, as {reason}")),
-            Some(Integrator::Photon) if !scene.air.is_empty() => {
-                Some("the atmosphere is not in the picture: --integrator photon knows none; grid and path do".into())
+            None => {
+                let reason = gridless(&scene.regions, model);
+                reason.map(|reason| format!("the picture is by --integrator path, as {reason}")).into_iter().collect()
             }
-            Some(Integrator::Photon) if scene.sky.iter().any(|&c| c > 0.0) => Some(
-                "the sky is seen, and lights surfaces, but stored photons come from the sun alone: its light is not scattered in regions; --integrator path scatters it".into(),
-            ),
-            Some(_) => None,
+            Some(Integrator::Photon) => {
+                let air = "the atmosphere is not in the picture: --integrator photon knows none; grid and path do";
+                let sky = "the sky is seen, and lights surfaces, but stored photons come from the sun alone: its light is not scattered in regions; --integrator path scatters it";
+                let missing = [(air, !scene.air.is_empty()), (sky, scene.sky.iter().any(|&c| c > 0.0))];
+                missing.into_iter().filter(|(_, missing)| *missing).map(|(note, _)| note.into()).collect()
+            }
+            Some(_) => Vec::new(),
         }
     }
 }

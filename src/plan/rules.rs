@@ -18,27 +18,16 @@ const ENDLESS: f64 = 1e6;
 /// An upper bound of the optical depth along any straight line through a region, largest channel.
 fn deepest(region: &Region) -> f64 {
     let sigma = region.medium.sigma_t_rgb().into_iter().fold(region.medium.sigma_t(), f64::max);
-    let longest = match &region.shape {
-        Shape::Ellipsoid { world_from_unit } => {
-            let m = world_from_unit.matrix3;
-            let axes = [m.x_axis, m.y_axis, m.z_axis];
-            let upright = (0..3).all(|i| axes[i].dot(axes[(i + 1) % 3]).abs() <= 1e-9 * axes[i].length() * axes[(i + 1) % 3].length());
-            let lengths = axes.map(|a| a.length());
-            // The norm of the whole matrix bounds its largest stretch.
-            2.0 * if upright { lengths.into_iter().fold(0.0, f64::max) } else { DVec3::from_array(lengths).length() }
-        }
-        Shape::Grid(grid) => {
-            let largest = grid.bricks.values.iter().copied().fold(0.0, f32::max);
-            grid.bounds().size().length() * f64::from(largest)
-        }
-        shape => shape.bounds().size().length(),
+    let largest = match &region.shape {
+        Shape::Grid(grid) => grid.bricks.values.iter().copied().fold(0.0, f32::max).into(),
+        _ => 1.0,
     };
     if sigma == 0.0 {
         0.0
     } else if region.shape.is_endless() {
         ENDLESS
     } else {
-        sigma * longest
+        sigma * largest * region.shape.longest()
     }
 }
 

@@ -45,9 +45,9 @@ const AEROSOL_ALBEDO: f64 = 0.9;
 const AEROSOL_G: f64 = 0.8;
 const AEROSOL_HEIGHT: f64 = 1200.0;
 /// Where air ends: so many scale heights above its base it is one part in 10^13.
-const SCALE_HEIGHTS: f64 = 30.0;
+pub const SCALE_HEIGHTS: f64 = 30.0;
 /// The contrast at which dark things vanish in haze, as an optical depth: ln 50 (Koschmieder 1924).
-const VISIBLE: f64 = 3.912;
+pub const VISIBLE: f64 = 3.912;
 
 impl AirLayer {
     /// Extinction at the base, 1/m, RGB.

@@ -2,6 +2,7 @@
 //!
 //! Directions are those of propagation: `cos` is w_in . w_out, forward is +1; normalised to 1 over 4 pi (thesis eq. 7).
 
+use glam::Vec3;
 use std::f64::consts::PI;
 
 /// The Henyey-Greenstein phase function's value in 1/sr, at the cosine given as `one_minus_cos` = 1 - cos(theta).
@@ -12,6 +13,12 @@ pub fn henyey_greenstein(g: f64, one_minus_cos: f64) -> f64 {
     let base =
         if g >= 0.0 { (1.0 - g) * (1.0 - g) + 2.0 * g * one_minus_cos } else { (1.0 + g) * (1.0 + g) - 2.0 * g * (2.0 - one_minus_cos) };
     (1.0 - g) * (1.0 + g) / (4.0 * PI * base * base.sqrt())
+}
+
+/// 1 - cos of the angle between two directions of unit length, |a - b|^2 / 2: without cancellation.
+#[inline]
+pub fn one_minus_cos(a: Vec3, b: Vec3) -> f64 {
+    0.5 * f64::from((a - b).length_squared())
 }
 
 /// (cos, sin) of a scattering angle distributed as [`henyey_greenstein`], by xi in [0, 1).

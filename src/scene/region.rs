@@ -105,6 +105,18 @@ impl Shape {
         }
     }
 
+    /// No straight line is longer within it, m; of a layer without end within its tile, of a grid within its box.
+    pub fn longest(&self) -> f64 {
+        match self {
+            // The norm of the whole matrix bounds its largest singular value.
+            Shape::Ellipsoid { world_from_unit: DAffine3 { matrix3, .. } } => {
+                let axes = orthogonal(*matrix3).map(|axes| axes.into_iter().fold(0.0, f64::max));
+                2.0 * axes.unwrap_or_else(|| DVec3::from_array(matrix3.to_cols_array_2d().map(|c| DVec3::from_array(c).length())).length())
+            }
+            shape => shape.bounds().size().length(),
+        }
+    }
+
     /// The longest way through it along a straight line, roughly, in metres (weighed by its samples where it is a grid): what
     /// "optical depth across" refers to.
     pub fn thickness(&self) -> f64 {
@@ -116,15 +128,18 @@ impl Shape {
     }
 }
 
+/// The lengths of a matrix's columns, if these are orthogonal: its singular values.
+fn orthogonal(m: DMat3) -> Option<[f64; 3]> {
+    let axes = [m.x_axis, m.y_axis, m.z_axis];
+    let lengths = axes.map(|a| a.length());
+    let apart = |i: usize| axes[i].dot(axes[(i + 1) % 3]).abs() <= 1e-9 * lengths[i] * lengths[(i + 1) % 3];
+    (0..3).all(apart).then_some(lengths)
+}
+
 /// The smallest singular value of a 3x3 matrix: 1 / the largest one of its inverse, by power iteration on the Gram matrix.
 fn smallest_stretch(m: DMat3) -> f64 {
-    let axes = [m.x_axis, m.y_axis, m.z_axis];
-    let orthogonal = (0..3).all(|i| {
-        let (a, b) = (axes[i], axes[(i + 1) % 3]);
-        a.dot(b).abs() <= 1e-9 * a.length() * b.length()
-    });
-    if orthogonal {
-        return axes.iter().map(|a| a.length()).fold(f64::INFINITY, f64::min);
+    if let Some(axes) = orthogonal(m) {
+        return axes.into_iter().fold(f64::INFINITY, f64::min);
     }
     let inverse = m.inverse();
     let gram = inverse * inverse.transpose();

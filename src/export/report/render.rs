@@ -92,7 +92,7 @@ impl Render {
         let (relative_bias, bias_by) = match settings.integrator {
             Integrator::Path => (Some(0.0), "an unbiased path tracer"),
             Integrator::Grid => (known(film.relative_bias()), "what two more fits of smoothing's kernels still gave back"),
-            Integrator::Photon => (None, "what stored photons blur is not known from one picture: cloudvdb study compares"),
+            Integrator::Photon => (None, "what stored photons blur is not known from one picture"),
         };
         let relative_error = known(film.relative_error());
         let four_times = |p: Lighting| Level {

@@ -35,7 +35,7 @@ pub(super) struct Glow {
     /// By how much the logarithm of the distance grows from place to place.
     step: f32,
     seed: u64,
-    /// Paths of each group, place and layer so far.
+    /// Paths of each group, place and layer.
     paths: u64,
     /// Of each place and layer: radiance (its luminance) by groups, as a sum over their paths, W m^-2 sr^-1; none where surfaces hide it.
     light: Vec<Option<[Groups; MOST_LAYERS]>>,
@@ -53,41 +53,29 @@ impl Glow {
         let nearest = (size * NEAREST).min(farthest * 0.5);
         let size = UVec3::new(count(pixels[0]), count(pixels[1]), ALONG);
         let step = (farthest / nearest).ln() / (ALONG - 1) as f32;
-        let light = vec![None; size.element_product() as usize];
-        Glow { lens, pixels, size, nearest, step, seed, paths: 0, light }
+        Glow { lens, pixels, size, nearest, step, seed, paths: 0, light: Vec::new() }
     }
 
-    /// Follows paths until there have been as many as `photons` are worth.
+    /// Follows as many paths as so many photons are worth.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
     pub(super) fn brighten(&mut self, tracer: &PathTracer, photons: u64, progress: &dyn Progress) -> Result<()> {
-        let places = self.light.len() as u64;
-        let wanted = (photons / (PHOTONS_A_PATH * places * GROUPS as u64)).max(1);
-        progress.begin("air", places);
-        let more = self.paths..wanted;
-        let found: Vec<_> = (0..places)
+        let places = self.size.element_product();
+        self.paths = (photons / (PHOTONS_A_PATH * u64::from(places) * GROUPS as u64)).max(1);
+        progress.begin("air", places.into());
+        self.light = (0..places)
             .into_par_iter()
             .map_init(Scratch::default, |scratch, place| {
-                let mut sum = self.light[place as usize];
-                if !progress.cancelled() && !more.is_empty() {
-                    // So many streams for each place as there may ever be paths.
-                    let mut rng = Rng::new(self.seed, Stage::Air, place << 32 | more.start);
-                    if let Some(found) = self.follow(tracer, place as u32, more.end - more.start, &mut rng, scratch) {
-                        let sum = sum.get_or_insert([[0.0; GROUPS]; MOST_LAYERS]);
-                        sum.as_flattened_mut().iter_mut().zip(found.as_flattened()).for_each(|(s, f)| *s += f);
-                    }
-                }
-                sum
+                let mut rng = Rng::new(self.seed, Stage::Air, place.into());
+                if progress.cancelled() { None } else { self.follow(tracer, place, &mut rng, scratch) }
             })
             .collect();
-        progress.check()?;
-        (self.light, self.paths) = (found, self.paths.max(wanted));
-        Ok(())
+        progress.check()
     }
 
-    /// The light at one place, by layers and groups, of some paths each.
-    fn follow(&self, tracer: &PathTracer, place: u32, paths: u64, rng: &mut Rng, scratch: &mut Scratch) -> Option<[Groups; MOST_LAYERS]> {
+    /// The light at one place, by layers and groups, of all its paths.
+    fn follow(&self, tracer: &PathTracer, place: u32, rng: &mut Rng, scratch: &mut Scratch) -> Option<[Groups; MOST_LAYERS]> {
         let at = UVec3::new(place % self.size.x, place / self.size.x % self.size.y, place / (self.size.x * self.size.y));
         let share = |at: u32, size: u32| at as f32 / (size - 1) as f32;
         let view = self.lens.view(self.pixels[0] * share(at.x, self.size.x), self.pixels[1] * share(at.y, self.size.y)).ray;
@@ -99,7 +87,7 @@ impl Glow {
         let mut out = [[0.0; GROUPS]; MOST_LAYERS];
         for (layer, sums) in band.air.layers().iter().zip(&mut out) {
             for sum in sums {
-                for _ in 0..paths {
+                for _ in 0..self.paths {
                     let (cos, sin) = layer.scattering.sample(rng.uniform());
                     let direction = around(view.direction, cos as f32, sin as f32, rng.uniform_f32());
                     let ray = Ray { origin: view.at(distance), direction };

@@ -10,7 +10,7 @@ use crate::media::Scratch;
 use crate::photon::{Model, Tracer};
 use crate::plan::Plan;
 use crate::progress::Progress;
-use crate::scene::phase::henyey_greenstein;
+use crate::scene::phase::{henyey_greenstein, one_minus_cos};
 use crate::scene::{Scene, medium::luminance};
 use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
@@ -200,10 +200,10 @@ impl SourceFunction {
         match self.kept {
             Kept::Toward(eye) => {
                 let outward = ((eye - self.origin).as_vec3() - p).normalize_or_zero();
-                let one_minus_cos = 0.5 * f64::from((followed.sunward - outward).length_squared());
+                let turn = one_minus_cos(followed.sunward, outward);
                 let mut sum = 0.0;
                 for &(share, albedo, g) in &here {
-                    sum += share * albedo * clear * followed.irradiance * henyey_greenstein(g, one_minus_cos);
+                    sum += share * albedo * clear * followed.irradiance * henyey_greenstein(g, turn);
                     if let Some(field) = &followed.field {
                         sum += f64::from(field.toward(p, outward, g, (share * albedo) as f32));
                     }
