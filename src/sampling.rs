@@ -1,6 +1,7 @@
 //! Sampling of directions and discs: each warp maps uniform numbers to its density.
 
 use crate::geom::basis;
+use crate::rng::Rng;
 use glam::Vec3;
 
 /// The direction at angle theta from `axis` (unit length) and azimuth `2 pi u`; renormalised.
@@ -9,6 +10,12 @@ pub fn around(axis: Vec3, cos_theta: f32, sin_theta: f32, u: f32) -> Vec3 {
     let (s, t) = basis(axis);
     let (sin_phi, cos_phi) = (std::f32::consts::TAU * u).sin_cos();
     (s * (cos_phi * sin_theta) + t * (sin_phi * sin_theta) + axis * cos_theta).normalize()
+}
+
+/// A direction from all alike.
+pub fn uniform_sphere(rng: &mut Rng) -> Vec3 {
+    let z = 1.0 - 2.0 * rng.uniform();
+    around(Vec3::Z, z as f32, (1.0 - z * z).max(0.0).sqrt() as f32, rng.uniform_f32())
 }
 
 /// A cosine-weighted direction around the unit normal `n`: density cos / pi (thesis eq. 26).

@@ -1,4 +1,4 @@
-//! What of the spectrum is followed together: all three channels where extinction is grey, else each on its own.
+//! What of the spectrum is followed together: all three channels where the regions' extinction is grey, else each on its own.
 
 use crate::media::Media;
 use crate::media::air::Atmosphere;
@@ -16,11 +16,11 @@ pub(super) struct Band {
     pub optics: Vec<(Vec3, f64)>,
 }
 
-/// The bands of a scene: one where extinction is grey, three else; their media know the shade of a sun in
+/// The bands of a scene: one where the regions' extinction is grey, three else; their media know the shade of a sun in
 /// direction `toward_sun`.
 pub(super) fn bands(scene: &Scene, origin: DVec3, toward_sun: Option<Vec3>) -> Vec<Band> {
     let alike = |t: [f64; 3]| t.iter().all(|&c| (c - t[0]).abs() <= 1e-12 * t[0].abs());
-    let grey = scene.regions.iter().all(|r| alike(r.medium.sigma_t_rgb())) && scene.air.layers().all(|layer| alike(layer.sigma_t()));
+    let grey = scene.regions.iter().all(|r| alike(r.medium.sigma_t_rgb()));
     let one = |mask: Vec3, channel: Option<usize>| {
         let regions: Vec<Region> =
             scene.regions.iter().map(|r| Region { medium: channel.map_or(r.medium, |c| r.medium.channel(c)), ..r.clone() }).collect();

@@ -23,22 +23,22 @@ mod sums;
 
 use super::lens::{Lens, View};
 use super::path::PathTracer;
-use super::photon::{Lighting, channels_of};
+use super::photon::{Lighting, by_channel};
 use super::tile::{Arrival, Layer, Transport};
 use super::{Directional, RenderSettings};
 use crate::bvh::Box3;
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::media::{Media, Profile, Scratch};
-use crate::photon::{GROUPS, Model, Tracer};
+use crate::photon::{Model, Tracer};
 use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
-use crate::scene::{Camera, Scene, Sun, medium::luminance};
+use crate::scene::{Camera, Region, Scene, medium::luminance};
 use basis::Basis;
 pub use basis::harmonics;
-use field::{Field, Groups, Request};
+use field::{Field, Found, Request};
 use glam::{DVec3, Vec3};
 use glow::Glow;
 pub use source::{Kept, Light, Part, SourceFunction, SourceSettings};
@@ -51,9 +51,9 @@ const COARSE: f64 = 0.5;
 const OPAQUE: f64 = 14.0;
 /// Bricks behind more optical depth than this, from everywhere in them, are not lit.
 const HIDDEN: f64 = 9.0;
-/// What a number of a voxel takes while light is gathered and smoothed, bytes; and what it takes afterwards.
-const BYTES: u64 = 900;
-const KEPT: u64 = 70;
+/// What a number of a voxel takes while light is gathered and smoothed, bytes, colours included; and what it takes afterwards.
+const BYTES: u64 = 1080;
+const KEPT: u64 = 82;
 /// Voxels are at most so many a pixel; and so many may always be.
 const VOXELS_A_PIXEL: u64 = 16;
 const LEAST_VOXELS: u64 = 30_000;
@@ -71,7 +71,7 @@ pub(super) struct GridTracer {
     pub origin: DVec3,
 }
 
-/// What of the spectrum is followed together: everything where the scene is grey, else a channel.
+/// What of the spectrum is followed together: everything where the regions' extinction is grey, else a channel.
 #[derive(Debug)]
 struct Channel {
     tracer: PathTracer,
@@ -83,16 +83,12 @@ struct Channel {
     glow: Option<Glow>,
     /// Which of R, G, B this is.
     mask: Vec3,
-    /// What light of grey power 1 is in colour.
-    tint: Vec3,
 }
 
 /// What a stretch of a ray brings.
 struct Stretch {
     direct: Vec3,
-    indirect: Vec3,
-    groups: [Vec3; GROUPS],
-    doubt: Vec3,
+    found: Found,
     clear: f32,
     /// The mean distance of a collision, m, times its chance.
     far: f64,
@@ -116,10 +112,12 @@ impl GridTracer {
         // What photons are too few for, or pixels too wide, is not worth its time.
         let told = photons / parts.len() as u64;
         let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
-        let channel = |(part, mask, tint): (Cow<Scene>, Vec3, Vec3)| {
+        let channel = |(part, mask): (Cow<Scene>, Vec3)| {
             let tracer = PathTracer::new(&part, plan);
-            let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass().through(&part.air);
             let lens = Lens::new(camera, settings.width, settings.height, tracer.origin);
+            let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass().in_colour(&part);
+            let toward = settings.photon.directional == Directional::View;
+            let photons = if toward { photons.seen_from(lens.position()) } else { photons }.through(&part.air);
             let (mut view, mut around) = (None, None);
             // Sunlight that scattered once is looked at: photons are for the rest.
             let once = plan.orders == Some(1) && !sends(&part, plan);
@@ -143,7 +141,7 @@ impl GridTracer {
                 let size = if part.regions.is_empty() { wide } else { part.region_bounds().size().length() };
                 Glow::new(&tracer, lens, [settings.width, settings.height], size.max(1.0) as f32, settings.seed)
             });
-            Channel { tracer, photons, view, around, glow, mask, tint }
+            Channel { tracer, photons, view, around, glow, mask }
         };
         let channels: Vec<Channel> = parts.into_iter().map(channel).collect();
         let origin = channels[0].tracer.origin;
@@ -176,25 +174,14 @@ impl GridTracer {
     }
 }
 
-/// The grey scenes that make up a scene, with the channels that each stands for and the tint of its light: one, where sun and sky have the
-/// same and nothing else is coloured, air neither; two, one of the sun's light and one of the sky's, where only these differ, so that
-/// noise has no other colours than they; else three.
-fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
-    let (sun, sky) = (scene.sun.irradiance, scene.sky);
-    let mut parts = channels_of(scene, Model::Physical);
-    if parts.len() > 1 || luminance(sky) <= 0.0 {
-        return parts;
-    }
-    let alike = (0..3).all(|c| (sun[c] * luminance(sky) - sky[c] * luminance(sun)).abs() <= 1e-9 * luminance(sky) * luminance(sun));
-    let sky_tint = (DVec3::from_array(sky) / luminance(sky)).as_vec3();
-    if luminance(sun) <= 0.0 {
-        parts[0].2 = sky_tint;
-    } else if !alike {
-        parts[0].0 = Cow::Owned(Scene { sky: [0.0; 3], ..scene.clone() });
-        let dark = Sun { irradiance: [0.0; 3], ..scene.sun };
-        parts.push((Cow::Owned(Scene { sun: dark, ..scene.clone() }), Vec3::ONE, sky_tint));
-    }
-    parts
+/// What of a scene is followed together, and which channels that is: the scene as it is where its regions' extinction is grey; else three
+/// grey scenes.
+fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3)> {
+    let grey = |r: &Region| {
+        let sigma_t = r.medium.sigma_t_rgb();
+        sigma_t.iter().all(|&c| (c - sigma_t[0]).abs() <= 1e-12 * sigma_t[0])
+    };
+    if scene.regions.iter().all(grey) { vec![(Cow::Borrowed(scene), Vec3::ONE)] } else { by_channel(scene) }
 }
 
 /// Whether regions get other light than the sun's own.
@@ -217,6 +204,15 @@ fn sees(lens: &Lens, media: &Media, brick: Box3) -> bool {
     })
 }
 
+impl Found {
+    /// Adds what each group has brought, and what it may be off by, in the colour of the whole.
+    fn add_to(&self, arrival: &mut Arrival, throughput: Vec3) {
+        let tint = throughput * self.tint();
+        arrival.groups.iter_mut().zip(self.groups).for_each(|(sum, group)| *sum += tint * group);
+        arrival.doubt += tint * self.doubt;
+    }
+}
+
 impl Channel {
     /// What arrives along a camera ray, or from the sky behind.
     fn radiance(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
@@ -230,9 +226,8 @@ impl Channel {
                 if first { (&self.view, SLICE) } else { (if self.around.is_some() { &self.around } else { &self.view }, COARSE) };
             let stretch = self.march(&ray, hit.map_or(reach, |h| h.t), field.as_ref(), slice, rng, room);
             arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * stretch.direct;
-            arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * stretch.indirect;
-            arrival.groups.iter_mut().zip(&stretch.groups).for_each(|(sum, &group)| *sum += throughput * group);
-            arrival.doubt += throughput * stretch.doubt;
+            arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * stretch.found.rgb;
+            stretch.found.add_to(&mut arrival, throughput);
             arrival.collisions += stretch.looks;
             if first {
                 arrival.depth = match hit {
@@ -243,11 +238,11 @@ impl Channel {
             if !tracer.bands[0].air.is_empty() {
                 let sent = self.air(&ray, hit.map_or(reach, |h| h.t), first, rng, room);
                 arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * sent.direct;
-                arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * sent.indirect;
-                arrival.groups.iter_mut().zip(&sent.groups).for_each(|(sum, &group)| *sum += throughput * self.tint * group);
+                arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * (sent.found.rgb + sent.followed);
+                sent.found.add_to(&mut arrival, throughput);
                 arrival.collisions += sent.looks;
             }
-            throughput *= stretch.clear * tracer.bands[0].air.transmittance(&ray, hit.map_or(reach, |h| h.t)) as f32;
+            throughput *= stretch.clear * tracer.bands[0].air.transmittance(&ray, hit.map_or(reach, |h| h.t));
             let Some(hit) = hit else {
                 arrival.light[layer as usize] += throughput * tracer.sky;
                 return arrival;
@@ -278,30 +273,21 @@ impl Channel {
         let chance = -(-depth).exp_m1();
         let slices = (chance / slice).ceil() as u32;
         let weight = chance / f64::from(slices.max(1));
-        let (mut direct, mut far, mut sums, mut doubt, mut step) = (Vec3::ZERO, 0.0, Groups::default(), 0.0, 0);
+        let (mut direct, mut far, mut found, mut step) = (Vec3::ZERO, 0.0, Found::default(), 0);
         for i in 0..slices {
             let tau = -(-(f64::from(i) + rng.uniform()) * weight).ln_1p();
             let distance = room.profile.distance(tau, &mut step);
             let region = room.profile.region(distance, || rng.uniform());
             let (albedo, g) = band.optics[region as usize];
-            let before = band.air.transmittance(ray, distance) as f32;
+            let before = band.air.transmittance(ray, distance);
             let here = Ray { origin: ray.at(distance), direction: ray.direction };
             direct += albedo * before * tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch).0;
             far += f64::from(distance);
             if let Some(field) = field {
-                field.scattered(here.origin, -ray.direction, g, before * band.media.optics(region).albedo as f32, (&mut sums, &mut doubt));
+                field.scattered(here.origin, -ray.direction, g, before * albedo * weight as f32, &mut found);
             }
         }
-        let tint = self.tint * weight as f32;
-        Stretch {
-            direct: direct * weight as f32,
-            indirect: sums.iter().sum::<f32>() * tint,
-            groups: sums.map(|sum| sum * tint),
-            doubt: doubt * tint,
-            clear: (-depth).exp() as f32,
-            far: far * weight,
-            looks: slices.into(),
-        }
+        Stretch { direct: direct * weight as f32, found, clear: (-depth).exp() as f32, far: far * weight, looks: slices.into() }
     }
 }
 

@@ -10,7 +10,7 @@ use super::lens::View;
 use super::sunlight::Sunlight;
 use super::tile::{Arrival, Layer, Transport};
 use crate::geom::Ray;
-use crate::media::{Flight, Scratch};
+use crate::media::{Flight, Scratch, air::Spectrum};
 use crate::plan::{EffectName, Plan};
 use crate::rng::Rng;
 use crate::sampling::{around, cosine_hemisphere};
@@ -68,12 +68,18 @@ impl PathTracer {
         let (mut hint, mut reach) = (0.0, reach);
         // What of the sunlight at the next collision is left to this path, the rest being found by a look sunward.
         let (mut share, mut order) = (1.0, 0);
+        let mut spectrum = Spectrum::draw(&band.air, rng);
         loop {
             let tau = rng.optical_depth();
             let flight = band.media.fly(&ray, reach, tau, hint, rng, scratch);
             let distance = if let Flight::Collision { distance, .. } = flight { distance } else { reach };
             let hit = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&ray, distance) };
-            let in_air = if band.air.is_empty() { None } else { band.air.fly(&ray, hit.map_or(distance, |h| h.t), rng) };
+            let mut in_air = None;
+            if !band.air.is_empty() {
+                let free = hit.map_or(distance, |h| h.t);
+                in_air = band.air.fly(&ray, free, &spectrum, rng);
+                throughput *= spectrum.flown(&band.air, &ray, in_air.map_or(free, |(distance, _)| distance), in_air.map(|(_, air)| air));
+            }
             if let Some((distance, air)) = in_air {
                 layer = layer.then(Layer::VolumeDirect);
                 arrival.event(distance);
@@ -156,7 +162,7 @@ impl PathTracer {
         let (albedo, g) = band.optics[region as usize];
         let there = Ray { origin: ray.at(distance), direction: ray.direction };
         // Air on the way turns some of the flights aside.
-        let clear = band.air.transmittance(&ray, distance) as f32;
+        let clear = band.air.transmittance(&ray, distance);
         albedo * clear * self.sun.in_medium(band, &self.surfaces, &there, (g, share), rng, scratch).0
     }
 }
@@ -178,7 +184,7 @@ impl Transport for PathTracer {
         // The mean of the bands.
         let depths =
             self.bands.iter().map(|band| band.media.optical_depth(&view.ray, reach, scratch) + band.air.optical_depth(&view.ray, reach));
-        let sum = depths.fold(0.0, |sum, depth| sum + (-depth).exp());
+        let sum = depths.fold(0.0, |sum, depth| sum + depth.map(|d| (-d).exp()).element_sum() / 3.0);
         (sum / self.bands.len() as f64, hit.is_some())
     }
 

@@ -216,12 +216,12 @@ pub(super) fn channels_of(scene: &Scene, model: Model) -> Vec<(Cow<'_, Scene>, V
         let medium = |m: &Medium| Medium::with_albedo(m.sigma_t(), m.albedo(), m.g);
         return vec![(Cow::Owned(with(scene, &medium, &|c| c)), Vec3::ONE, tint)];
     }
-    by_channel(scene)
+    by_channel(scene).into_iter().map(|(scene, mask)| (scene, mask, Vec3::ONE)).collect()
 }
 
 /// The scene in R, in G and in B.
-fn by_channel<'a>(scene: &Scene) -> Vec<(Cow<'a, Scene>, Vec3, Vec3)> {
-    (0..3).map(|c| (Cow::Owned(with(scene, &|m| m.channel(c), &|rgb| [rgb[c]; 3])), Vec3::AXES[c], Vec3::ONE)).collect()
+pub(super) fn by_channel<'a>(scene: &Scene) -> Vec<(Cow<'a, Scene>, Vec3)> {
+    (0..3).map(|c| (Cow::Owned(with(scene, &|m| m.channel(c), &|rgb| [rgb[c]; 3])), Vec3::AXES[c])).collect()
 }
 
 /// A scene with other media and colours.

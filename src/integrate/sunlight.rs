@@ -61,7 +61,7 @@ impl Sunlight {
         let phase = henyey_greenstein(g, one_minus_cos(ray.direction, toward)) as f32 * weight * share;
         let isotropic = phase * (4.0 * std::f32::consts::PI);
         let clear = visible(band, surfaces, ray.origin, toward, isotropic, rng, scratch);
-        (self.irradiance * (phase * clear as f32), clear)
+        (self.irradiance * clear * phase, clear.max_element().into())
     }
 
     /// The sunlight that air of albedo 1 at the ray's origin scatters back along the ray.
@@ -69,8 +69,7 @@ impl Sunlight {
         let Some((toward, weight)) = self.toward(rng) else { return Vec3::ZERO };
         let phase = layer.scattering.value(one_minus_cos(ray.direction, toward)) as f32 * weight;
         // What counts as usual is even scattering.
-        let clear = visible(band, surfaces, ray.origin, toward, 1.0, rng, scratch);
-        self.irradiance * (phase * clear as f32)
+        self.irradiance * visible(band, surfaces, ray.origin, toward, 1.0, rng, scratch) * phase
     }
 
     /// The sunlight that a white Lambertian surface sends out from `p` (radiance); whether regions may shade it.
@@ -89,7 +88,7 @@ impl Sunlight {
             return Vec3::ZERO;
         }
         let clear = if shaded { visible(band, surfaces, p, toward, cos, rng, scratch) } else { past(band, surfaces, p, toward) };
-        self.irradiance * (cos * FRAC_1_PI * weight * clear as f32)
+        self.irradiance * clear * (cos * FRAC_1_PI * weight)
     }
 
     /// A direction to a point of the sun's disc, and the irradiance across it over that on the plane across the sun's axis.
@@ -131,15 +130,16 @@ impl Sunlight {
     }
 }
 
-/// The share of light that arrives at `p` from direction `toward`, far away; an unbiased estimate. `weight` as in
+/// The share of light, by channel, that arrives at `p` from direction `toward`, far away; an unbiased estimate. `weight` as in
 /// [`Media::sunlight`](crate::media::Media::sunlight).
-fn visible(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3, weight: f32, rng: &mut Rng, scratch: &mut Scratch) -> f64 {
+fn visible(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3, weight: f32, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
     let clear = past(band, surfaces, p, toward);
-    if clear > 0.0 { clear * band.media.sunlight(p, toward, weight, rng, scratch) } else { 0.0 }
+    if clear == Vec3::ZERO { clear } else { clear * band.media.sunlight(p, toward, weight, rng, scratch) as f32 }
 }
 
-/// The share that surfaces and air let pass.
-fn past(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3) -> f64 {
+/// The share that surfaces and air let pass, by channel.
+fn past(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3) -> Vec3 {
     let ray = Ray { origin: p, direction: toward };
-    if !surfaces.is_empty() && surfaces.nearest(&ray, f32::INFINITY).is_some() { 0.0 } else { band.air.transmittance(&ray, f32::INFINITY) }
+    let hidden = !surfaces.is_empty() && surfaces.nearest(&ray, f32::INFINITY).is_some();
+    if hidden { Vec3::ZERO } else { band.air.transmittance(&ray, f32::INFINITY) }
 }

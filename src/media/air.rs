@@ -7,11 +7,11 @@ use crate::scene::air::{AirLayer, Scattering};
 use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
 
-/// A layer, compiled for some of the channels.
+/// A layer, compiled.
 #[derive(Debug, Clone, Copy)]
 pub struct Layer {
-    /// Extinction at the base, 1/m.
-    sigma_t: f64,
+    /// Extinction at the base by channel, 1/m.
+    sigma_t: DVec3,
     /// Single-scattering albedo by channel.
     pub albedo: Vec3,
     /// The phase function.
@@ -22,10 +22,57 @@ pub struct Layer {
     thinning: f64,
 }
 
-/// The air of a scene, for channels with the same extinction; in the local space of the hot loops.
+/// The air of a scene, in the local space of the hot loops.
 #[derive(Debug, Clone, Default)]
 pub struct Atmosphere {
     layers: SmallVec<[Layer; 2]>,
+    /// Whether the channels differ in extinction.
+    coloured: bool,
+}
+
+/// A path's way through air of several colours. One channel draws all its flights, and what it brings in each channel counts by the
+/// balance heuristic over the three that could have drawn them (hero wavelengths; Wilkie et al. 2014): the channels' noise is alike, and no
+/// weight is above 3.
+#[derive(Debug, Clone, Copy)]
+pub struct Spectrum {
+    /// The channel that draws.
+    hero: usize,
+    /// How likely each channel would have been to draw the flights so far, over the mean of the three.
+    weight: Vec3,
+}
+
+impl Spectrum {
+    /// A path's beginning: its channel is drawn, where they differ.
+    #[inline]
+    pub fn draw(air: &Atmosphere, rng: &mut Rng) -> Self {
+        let hero = if air.coloured { ((rng.uniform_f32() * 3.0) as usize).min(2) } else { 0 };
+        Spectrum { hero, weight: Vec3::ONE }
+    }
+
+    /// The channel that draws.
+    #[inline]
+    pub fn hero(&self) -> usize {
+        self.hero
+    }
+
+    /// Takes note of a flight of `reach` metres along a ray that ended `within` a layer's collision or by something else; and gives the
+    /// factor by channel that this puts on what the path brings.
+    #[inline]
+    pub fn flown(&mut self, air: &Atmosphere, ray: &Ray, reach: f32, within: Option<&Layer>) -> Vec3 {
+        if !air.coloured {
+            return Vec3::ONE;
+        }
+        let depth = air.optical_depth(ray, reach);
+        let mut chance = (DVec3::splat(depth[self.hero]) - depth).map(f64::exp);
+        if let Some(layer) = within {
+            chance *= layer.sigma_t / layer.sigma_t[self.hero];
+        }
+        let weight = self.weight.as_dvec3() * chance;
+        let weight = (weight * (3.0 / weight.element_sum())).as_vec3();
+        let factor = Vec3::select(self.weight.cmpgt(Vec3::ZERO), weight / self.weight, Vec3::ZERO);
+        self.weight = weight;
+        factor
+    }
 }
 
 /// What of a ray lies in a layer.
@@ -33,33 +80,33 @@ pub struct Atmosphere {
 struct Stretch {
     enter: f64,
     length: f64,
-    /// Extinction at the lower end, 1/m.
+    /// The density at the lower end, over that at the base.
     lowest: f64,
-    /// By how much the logarithm of extinction falls per metre of the ray.
+    /// By how much the logarithm of the density falls per metre of the ray.
     fall: f64,
 }
 
 impl Stretch {
-    /// The optical depth of its first `length` metres.
-    fn depth(&self, length: f64) -> f64 {
+    /// How many metres at the base's density its first `length` metres are worth.
+    fn column(&self, length: f64) -> f64 {
         if self.fall == 0.0 {
             return self.lowest * length;
         }
-        // From the lower end, where extinction is largest: nothing cancels and nothing overflows.
+        // From the lower end, where the density is largest: nothing cancels and nothing overflows.
         let below = if self.fall < 0.0 { (self.fall * (self.length - length)).exp() } else { 1.0 };
         let x = self.fall.abs() * length;
         let mean = if x > 1e-9 { -(-x).exp_m1() / x } else { 1.0 - 0.5 * x };
         self.lowest * below * mean * length
     }
 
-    /// The distance from its beginning at which the optical depth is `tau`; beyond its length where it is thinner.
-    fn distance(&self, tau: f64) -> f64 {
+    /// The distance from its beginning that is worth so many metres at the base; beyond its length where all of it is worth less.
+    fn distance(&self, column: f64) -> f64 {
         if self.fall == 0.0 || self.fall.abs() * self.length < 1e-9 {
-            return tau / self.lowest;
+            return column / self.lowest;
         }
         let first = if self.fall < 0.0 { self.lowest * (self.fall * self.length).exp() } else { self.lowest };
-        // 1 - e^(-fall s) = tau fall / first; below 0 the exponential grows.
-        let share = tau * self.fall / first;
+        // 1 - e^(-fall s) = column fall / first; below 0 the exponential grows.
+        let share = column * self.fall / first;
         if share >= 1.0 { f64::INFINITY } else { -(-share).ln_1p() / self.fall }
     }
 }
@@ -69,7 +116,7 @@ impl Layer {
         let (sigma_t, sigma_s) = (DVec3::from_array(layer.sigma_t()), DVec3::from_array(layer.sigma_s));
         let albedo = DVec3::select(sigma_t.cmpgt(DVec3::ZERO), sigma_s / sigma_t, DVec3::ZERO).as_vec3();
         Layer {
-            sigma_t: sigma_t.max_element(),
+            sigma_t,
             albedo,
             scattering: layer.scattering,
             base: layer.base - origin.z,
@@ -94,41 +141,52 @@ impl Layer {
             return None;
         }
         let lower = if slope < 0.0 && exit.is_finite() { z + slope * exit } else { z + slope * enter };
-        let lowest = self.sigma_t * (-(lower - self.base).max(0.0) * self.thinning).exp();
+        let lowest = (-(lower - self.base).max(0.0) * self.thinning).exp();
         (lowest > 0.0).then_some(Stretch { enter, length: exit - enter, lowest, fall: slope * self.thinning })
     }
 
-    /// The optical depth of a ray's first `reach` metres.
-    pub fn optical_depth(&self, ray: &Ray, reach: f32) -> f64 {
-        self.stretch(ray, reach.into()).map_or(0.0, |s| s.depth(s.length))
+    /// How many metres at its base's density a ray's first `reach` metres are worth: times [`Layer::sigma_t`] their optical depth.
+    pub fn column(&self, ray: &Ray, reach: f32) -> f64 {
+        self.stretch(ray, reach.into()).map_or(0.0, |s| s.column(s.length))
     }
 
-    /// The distance along a ray at which its optical depth is `tau`; `None` where that is not within its first `reach` metres.
-    pub fn distance(&self, ray: &Ray, reach: f32, tau: f64) -> Option<f32> {
+    /// The optical depth of a ray's first `reach` metres, by channel.
+    pub fn optical_depth(&self, ray: &Ray, reach: f32) -> DVec3 {
+        let column = self.column(ray, reach);
+        // A channel without extinction has none along an endless ray either.
+        DVec3::select(self.sigma_t.cmpgt(DVec3::ZERO), self.sigma_t * column, DVec3::ZERO)
+    }
+
+    /// The distance along a ray whose [`Layer::column`] is `column`; `None` where that is not within its first `reach` metres.
+    pub fn distance(&self, ray: &Ray, reach: f32, column: f64) -> Option<f32> {
         let stretch = self.stretch(ray, reach.into())?;
-        let along = stretch.distance(tau);
+        let along = stretch.distance(column);
         (along < stretch.length).then_some((stretch.enter + along) as f32)
     }
 
-    /// Extinction where it is largest, 1/m.
-    pub fn densest(&self) -> f64 {
+    /// Extinction at the base, where it is largest, by channel, 1/m.
+    pub fn sigma_t(&self) -> DVec3 {
         self.sigma_t
     }
 
-    /// Extinction at a point, 1/m.
-    pub fn extinction(&self, p: Vec3) -> f64 {
-        self.extinction_at(p.z.into())
+    /// Extinction at a point, by channel, 1/m.
+    pub fn extinction(&self, p: Vec3) -> DVec3 {
+        self.sigma_t * self.density(p.z.into())
     }
 
-    fn extinction_at(&self, z: f64) -> f64 {
-        if z < self.base || z > self.top { 0.0 } else { self.sigma_t * (-(z - self.base) * self.thinning).exp() }
+    /// The density at a height, over that at the base.
+    fn density(&self, z: f64) -> f64 {
+        if z < self.base || z > self.top { 0.0 } else { (-(z - self.base) * self.thinning).exp() }
     }
 }
 
 impl Atmosphere {
-    /// Compiles air whose extinction is the same in all channels, relative to `origin` (world space).
+    /// Compiles air, relative to `origin` (world space).
     pub fn new(air: &Air, origin: DVec3) -> Self {
-        Atmosphere { layers: air.layers().map(|layer| Layer::new(layer, origin)).filter(|layer| layer.sigma_t > 0.0).collect() }
+        let layers: SmallVec<[Layer; 2]> =
+            air.layers().map(|layer| Layer::new(layer, origin)).filter(|layer| layer.sigma_t.max_element() > 0.0).collect();
+        let grey = |layer: &Layer| (layer.sigma_t - layer.sigma_t.x).abs().max_element() <= 1e-12 * layer.sigma_t.x;
+        Atmosphere { coloured: !layers.iter().all(grey), layers }
     }
 
     /// Whether there is none.
@@ -142,29 +200,33 @@ impl Atmosphere {
         &self.layers
     }
 
-    /// Flies along a ray, at most `reach` metres, to the first collision with air: the first of the layers' independent Poisson
-    /// processes.
+    /// Flies along a ray, at most `reach` metres, to the first collision with air in the channel that draws: the first of the layers'
+    /// independent Poisson processes.
     #[inline]
-    pub fn fly(&self, ray: &Ray, reach: f32, rng: &mut Rng) -> Option<(f32, &Layer)> {
+    pub fn fly(&self, ray: &Ray, reach: f32, spectrum: &Spectrum, rng: &mut Rng) -> Option<(f32, &Layer)> {
         let mut first = None;
         let mut reach = reach;
         for layer in &self.layers {
-            if let Some(distance) = layer.distance(ray, reach, rng.optical_depth()) {
+            if let Some(distance) = layer.distance(ray, reach, rng.optical_depth() / layer.sigma_t[spectrum.hero]) {
                 (first, reach) = (Some((distance, layer)), distance);
             }
         }
         first
     }
 
-    /// The transmittance of a ray's first `reach` metres.
+    /// The transmittance of a ray's first `reach` metres, by channel.
     #[inline]
-    pub fn transmittance(&self, ray: &Ray, reach: f32) -> f64 {
-        if self.layers.is_empty() { 1.0 } else { (-self.optical_depth(ray, reach)).exp() }
+    pub fn transmittance(&self, ray: &Ray, reach: f32) -> Vec3 {
+        if self.layers.is_empty() {
+            return Vec3::ONE;
+        }
+        let depth = self.optical_depth(ray, reach);
+        if self.coloured { depth.map(|d| (-d).exp()).as_vec3() } else { Vec3::splat((-depth.x).exp() as f32) }
     }
 
-    /// The optical depth of a ray's first `reach` metres.
-    pub fn optical_depth(&self, ray: &Ray, reach: f32) -> f64 {
-        self.layers.iter().fold(0.0, |sum, layer| sum + layer.optical_depth(ray, reach))
+    /// The optical depth of a ray's first `reach` metres, by channel.
+    pub fn optical_depth(&self, ray: &Ray, reach: f32) -> DVec3 {
+        self.layers.iter().fold(DVec3::ZERO, |sum, layer| sum + layer.optical_depth(ray, reach))
     }
 }
 
@@ -205,10 +267,11 @@ mod tests {
                 let steps = 40_000;
                 let width = f64::from(reach) / f64::from(steps);
                 let z = |i: i32| f64::from(ray.origin.z) + f64::from(ray.direction.z) * width * (f64::from(i) + 0.5);
-                let slow: f64 = (0..steps).map(|i| air.layers.iter().map(|l| l.extinction_at(z(i))).sum::<f64>()).sum::<f64>() * width;
-                let fast = air.optical_depth(&ray, reach);
+                let sigma_t = |i: i32| air.layers.iter().map(|l| l.sigma_t.x * l.density(z(i))).sum::<f64>();
+                let slow: f64 = (0..steps).map(sigma_t).sum::<f64>() * width;
+                let fast = air.optical_depth(&ray, reach).x;
                 // The sum does not know where within a step a layer begins or ends.
-                let ends: f64 = air.layers.iter().map(|l| l.sigma_t * width).sum();
+                let ends: f64 = air.layers.iter().map(|l| l.sigma_t.x * width).sum();
                 assert!((fast - slow).abs() <= 1e-5 * slow + ends, "{ray:?} over {reach} m: {fast}, not {slow}");
             }
         }
@@ -221,18 +284,18 @@ mod tests {
         for ray in rays() {
             for layer in &air.layers {
                 for tau in [1e-12, 1e-3, 0.1, 1.0, 3.0, 40.0] {
-                    match layer.distance(&ray, f32::INFINITY, tau) {
+                    match layer.distance(&ray, f32::INFINITY, tau / layer.sigma_t.x) {
                         Some(t) => {
-                            let spent = layer.optical_depth(&ray, t);
+                            let spent = layer.optical_depth(&ray, t).x;
                             // Distances are in single precision.
-                            let rounding = layer.sigma_t * f64::from(t.next_up() - t);
+                            let rounding = layer.sigma_t.x * f64::from(t.next_up() - t);
                             assert!((spent - tau).abs() <= 1e-9 * tau + rounding, "{ray:?}: {spent}, not {tau}");
                         }
-                        None => assert!(layer.optical_depth(&ray, f32::INFINITY) <= tau * 1.0001),
+                        None => assert!(layer.optical_depth(&ray, f32::INFINITY).x <= tau * 1.0001),
                     }
                 }
-                let whole = layer.optical_depth(&ray, f32::INFINITY);
-                assert!(!whole.is_nan() && whole >= layer.optical_depth(&ray, 1000.0) * 0.999_999, "{ray:?}: {whole}");
+                let whole = layer.optical_depth(&ray, f32::INFINITY).x;
+                assert!(!whole.is_nan() && whole >= layer.optical_depth(&ray, 1000.0).x * 0.999_999, "{ray:?}: {whole}");
             }
         }
     }

@@ -80,6 +80,8 @@ pub struct Start {
     pub ray: Ray,
     /// Its weight in W: to be divided by the number of photons emitted. Zero where the stratum does not reach.
     pub power: f64,
+    /// What the power counts in each channel; 1 where photons have no colour.
+    pub tint: Vec3,
     /// Whether it is aimed at a region. Light that is aimed at surfaces counts once they send it toward one.
     pub counted: bool,
     /// Whether it is not sunlight on its first flight.
@@ -130,7 +132,8 @@ impl Emitter {
             Target::Tile { min, size, top } => {
                 let p = *min + *size * Vec2::new(rng.uniform_f32(), rng.uniform_f32());
                 let power = self.irradiance * f64::from(size.x) * f64::from(size.y) * f64::from(-direction.z).max(0.0);
-                Start { ray: Ray { origin: p.extend(*top), direction }, power, counted: true, scattered: false, from_air: false }
+                let ray = Ray { origin: p.extend(*top), direction };
+                Start { ray, power, tint: Vec3::ONE, counted: true, scattered: false, from_air: false }
             }
             Target::Silhouette(s) => s.emit(rng, direction, self.irradiance, surfaces, along),
         }
@@ -159,7 +162,8 @@ impl Silhouette {
         if self.shaded && aside.is_none() && surfaces.nearest(&Ray { origin, direction: -direction }, f32::INFINITY).is_some() {
             origin = plane - direction * self.far;
         }
-        Start { ray: Ray { origin, direction }, power: irradiance * area, counted: aside.is_none(), scattered: false, from_air: false }
+        let (ray, power) = (Ray { origin, direction }, irradiance * area);
+        Start { ray, power, tint: Vec3::ONE, counted: aside.is_none(), scattered: false, from_air: false }
     }
 
     /// The mask's area over the share of photons that start over it, m^2.

@@ -2,7 +2,9 @@
 
 mod aim;
 mod air;
+mod colour;
 pub mod emit;
+mod eye;
 pub mod map;
 pub mod nearest;
 mod rules;
@@ -10,6 +12,7 @@ mod sky;
 pub mod trace;
 mod witness;
 
+pub use colour::Colour;
 pub use map::{PhotonMap, PhotonTree};
 pub use nearest::{Nearest, Neighbourhood};
 pub use trace::{Shot, Tracer};

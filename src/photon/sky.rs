@@ -1,9 +1,10 @@
 //! Photons of an even sky: from all directions alike, aimed at the regions and at what surfaces may send toward them.
 
 use super::emit::{Start, aside, reach};
+use super::eye::Eye;
 use crate::geom::{Ray, basis};
 use crate::rng::Rng;
-use crate::sampling::around;
+use crate::sampling::uniform_sphere;
 use crate::scene::Scene;
 use crate::scene::medium::luminance;
 use glam::{DVec3, Vec2, Vec3};
@@ -41,9 +42,9 @@ impl Sky {
 
     /// Starts one photon. Where light beside the regions counts, it starts the more seldom the farther from them, as what ground there can
     /// send back falls ([`aside`]).
-    pub fn emit(&self, rng: &mut Rng) -> Start {
-        let z = 1.0 - 2.0 * rng.uniform();
-        let direction = around(Vec3::Z, z as f32, (1.0 - z * z).max(0.0).sqrt() as f32, rng.uniform_f32()).normalize();
+    pub fn emit(&self, rng: &mut Rng, eye: Option<&Eye>) -> Start {
+        let (direction, density) = Eye::mixed(eye, rng, uniform_sphere, |_| 1.0 / (4.0 * PI));
+        let direction = direction.normalize();
         let (u, v) = basis(direction);
         let (p, pdf) = if self.beside {
             aside(self.radius, rng)
@@ -53,8 +54,8 @@ impl Sky {
             (Vec2::new((rho * cos) as f32, (rho * sin) as f32), 1.0 / (PI * f64::from(self.radius).powi(2)))
         };
         // Beyond all surfaces nothing sends light back.
-        let power = if p.length() > self.far { 0.0 } else { self.radiance * 4.0 * PI / pdf };
+        let power = if p.length() > self.far { 0.0 } else { self.radiance / (density * pdf) };
         let origin = u * p.x + v * p.y - direction * self.far;
-        Start { ray: Ray { origin, direction }, power, counted: false, scattered: true, from_air: false }
+        Start { ray: Ray { origin, direction }, power, tint: Vec3::ONE, counted: false, scattered: true, from_air: false }
     }
 }

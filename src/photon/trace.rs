@@ -1,7 +1,9 @@
 //! Tracing photons: through overlapping regions in closed form, off Lambertian surfaces, until the map is full.
 
 use super::air::AirLight;
+use super::colour::Colours;
 use super::emit::{Emitter, Start};
+use super::eye::Eye;
 use super::map::PhotonMap;
 use super::rules::{Hura2006, Physical, Rules};
 use super::sky::Sky;
@@ -9,7 +11,10 @@ use super::witness::{Store, Witness};
 use super::{Model, Photon};
 use crate::error::{Error, Result};
 use crate::geom::{Bounds, Ray, Tile};
-use crate::media::{Flight, Media, Scratch, air::Atmosphere};
+use crate::media::{
+    Flight, Media, Scratch,
+    air::{Atmosphere, Spectrum},
+};
 use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
@@ -111,6 +116,8 @@ pub struct Tracer {
     pub(super) emitter: Emitter,
     sky: Option<Sky>,
     pub(super) sky_radiance: f64,
+    pub(super) colours: Colours,
+    pub(super) eye: Option<Eye>,
     model: Model,
     stage: Stage,
     absorption: bool,
@@ -122,7 +129,7 @@ pub struct Tracer {
     /// A scene of slabs alone looks the same everywhere: its photons are kept within the tile.
     wrap: Option<Tile>,
     /// The tiles of slabs beside other regions: photons outside are not stored.
-    tiles: Vec<Option<Tile>>,
+    pub(super) tiles: Vec<Option<Tile>>,
 }
 
 impl Tracer {
@@ -145,6 +152,8 @@ impl Tracer {
             emitter: Emitter::new(scene, origin, plan.on(EffectName::SunDisc), bounces),
             sky: Sky::of(scene, origin, bounces),
             sky_radiance: luminance(scene.sky),
+            colours: Colours::Even(Vec3::ONE),
+            eye: None,
             model,
             stage: Stage::Photons,
             absorption: plan.on(EffectName::Absorption),
@@ -161,10 +170,9 @@ impl Tracer {
         Tracer { stage: Stage::Gather, ..self }
     }
 
-    /// The tracer of photons that fly through air as well, and come from it. Its extinction is the luminance of its coefficients.
+    /// The tracer of photons that fly through air as well, and come from it.
     pub fn through(self, air: &Air) -> Self {
-        let air = Atmosphere::new(&air.coloured(|rgb| [luminance(rgb); 3]), self.origin);
-        let tracer = Tracer { air, ..self };
+        let tracer = Tracer { air: Atmosphere::new(air, self.origin), ..self };
         let air_light = if tracer.air.is_empty() { None } else { AirLight::of(&tracer) };
         Tracer { air_light, ..tracer }
     }
@@ -289,8 +297,9 @@ impl Tracer {
     ) {
         let mut left: SmallVec<[Branch; 8]> = SmallVec::new();
         if start.power > 0.0 {
-            let Start { ray, power, counted, scattered, from_air } = start;
-            left.push(Branch { ray, power, counted, bounced: scattered, met: false, from_air });
+            let Start { ray, power, tint, counted, scattered, from_air } = start;
+            let spectrum = Spectrum::draw(&self.air, rng);
+            left.push(Branch { ray, power, tint, spectrum, counted, bounced: scattered, met: false, from_air });
         }
         while let Some(branch) = left.pop() {
             self.branch::<R, W>(branch, rng, batch, scratch, &mut left, wanted, witness, progress);
@@ -320,9 +329,10 @@ impl Tracer {
             let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
             let hit = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&at.ray, reach) };
             let reach = hit.as_ref().map_or(reach, |h| h.t);
-            let in_air = if self.air.is_empty() { None } else { self.air.fly(&at.ray, reach, rng) };
+            let in_air = if self.air.is_empty() { None } else { self.air.fly(&at.ray, reach, &at.spectrum, rng) };
             let reach = in_air.map_or(reach, |(distance, _)| distance);
-            witness.flight(&at.ray, reach, at.power * share, collisions + u64::from(at.bounced), rng);
+            witness.flight(&at.ray, reach, at.power * share, at.colour(&self.air), collisions + u64::from(at.bounced), rng);
+            at.tint *= at.spectrum.flown(&self.air, &at.ray, reach, in_air.map(|(_, layer)| layer));
             if let Some((distance, layer)) = in_air {
                 match at.in_air(distance, layer, rng) {
                     Some(next) => at = next,
@@ -366,7 +376,12 @@ impl Tracer {
                 let stored = at.power * R::stored(optics.albedo);
                 batch.photons.push(Photon::new(p, at.ray.direction, stored as f32, region, batch.ends.len()));
             }
-            if self.absorption && rng.uniform() >= optics.albedo {
+            let mut albedo = optics.albedo;
+            if let Some(tints) = self.tints() {
+                albedo = tints.kept[region as usize];
+                at.tint *= tints.regions[region as usize];
+            }
+            if self.absorption && rng.uniform() >= albedo {
                 return batch.end(Fate::AbsorbedMedium, &at);
             }
             if collisions >= self.orders {
@@ -379,8 +394,8 @@ impl Tracer {
             let before = at.ray.direction;
             if let Some((direction, part)) = witness.aside(p, before, optics.g, rng) {
                 let ray = Ray { origin: p, direction };
-                let reach = self.reach(&ray, sigma_t, rng, scratch);
-                witness.flight(&ray, reach, at.power * part, collisions + u64::from(at.bounced), rng);
+                let reach = self.reach(&ray, sigma_t, &at.spectrum, rng, scratch);
+                witness.flight(&ray, reach, at.power * part, at.colour(&self.air), collisions + u64::from(at.bounced), rng);
             }
             let (cos, sin) = R::scatter(optics.g, rng.uniform());
             at.ray = Ray { origin: p, direction: around(before, cos as f32, sin as f32, rng.uniform_f32()) };
@@ -390,11 +405,11 @@ impl Tracer {
     }
 
     /// How far a flight along a ray goes, to a collision or to a surface.
-    fn reach(&self, ray: &Ray, hint: f64, rng: &mut Rng, scratch: &mut Scratch) -> f32 {
+    fn reach(&self, ray: &Ray, hint: f64, spectrum: &Spectrum, rng: &mut Rng, scratch: &mut Scratch) -> f32 {
         let flight = self.media.fly(ray, f32::INFINITY, rng.optical_depth(), hint, rng, scratch);
         let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
         let reach = if self.surfaces.is_empty() { reach } else { self.surfaces.nearest(ray, reach).map_or(reach, |h| h.t) };
-        if self.air.is_empty() { reach } else { self.air.fly(ray, reach, rng).map_or(reach, |(distance, _)| distance) }
+        if self.air.is_empty() { reach } else { self.air.fly(ray, reach, spectrum, rng).map_or(reach, |(distance, _)| distance) }
     }
 
     fn in_tile(&self, region: u32, p: Vec3) -> bool {

@@ -1,5 +1,6 @@
 //! Who is told where photons fly.
 
+use super::colour::Colour;
 use crate::geom::Ray;
 use crate::rng::Rng;
 use glam::Vec3;
@@ -10,8 +11,8 @@ pub trait Witness: Sync {
     const KEEPS: bool;
 
     /// A flight along a ray, which ends after `reach` metres or not at all, of a photon of that power (before it is divided by the
-    /// number of paths) that has collided or bounced `events` times.
-    fn flight(&self, ray: &Ray, reach: f32, power: f64, events: u64, rng: &mut Rng);
+    /// number of paths) and colour that has collided or bounced `events` times.
+    fn flight(&self, ray: &Ray, reach: f32, power: f64, colour: Colour, events: u64, rng: &mut Rng);
 
     /// Whether a flight that begins at `p`, where a photon that came along `before` scatters with mean cosine `g`, is wanted in a
     /// direction of the witness's own; and the part of the photon's power that it stands for.
@@ -32,5 +33,5 @@ impl Witness for Store {
     const KEEPS: bool = true;
 
     #[inline]
-    fn flight(&self, _: &Ray, _: f32, _: f64, _: u64, _: &mut Rng) {}
+    fn flight(&self, _: &Ray, _: f32, _: f64, _: Colour, _: u64, _: &mut Rng) {}
 }

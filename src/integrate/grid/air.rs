@@ -1,13 +1,13 @@
 //! Air along camera rays: sunlight that it scatters, in the shadows of clouds and out of them (sunbeams); and what else it sends.
 
-use super::field::Groups;
+use super::field::{Found, grey};
 use super::{Channel, Room};
 use crate::geom::Ray;
 use crate::integrate::path::PathTracer;
-use crate::media::air::Layer;
+use crate::media::air::{Layer, Spectrum};
 use crate::rng::Rng;
 use crate::sampling::around;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Looks at the sun in each layer, along a camera ray and along the others.
 const LOOKS: u32 = 4;
@@ -18,10 +18,9 @@ const FEW: u32 = 1;
 pub(super) struct Sent {
     /// Sunlight that scattered once.
     pub direct: Vec3,
-    /// All else.
-    pub indirect: Vec3,
-    /// What of it each group of paths that were followed beforehand has brought.
-    pub groups: Groups,
+    /// What was looked up of all else, and what was followed.
+    pub found: Found,
+    pub followed: Vec3,
     /// Looks at the sun.
     pub looks: u64,
 }
@@ -35,37 +34,42 @@ impl Channel {
         let mut sent = Sent::default();
         let looks = if first { LOOKS } else { FEW };
         let (mut whole, mut chosen) = (0.0f32, None);
-        for (number, layer) in band.air.layers().iter().enumerate() {
-            let chance = -(-layer.optical_depth(ray, reach)).exp_m1();
-            if chance <= 0.0 {
+        let layers = band.air.layers();
+        for (number, layer) in layers.iter().enumerate() {
+            let chances = layer.optical_depth(ray, reach).map(|depth| -(-depth).exp_m1());
+            if chances == DVec3::ZERO {
                 continue;
             }
             for i in 0..looks {
-                let tau = -(-(f64::from(i) + rng.uniform()) / f64::from(looks) * chance).ln_1p();
-                let Some(distance) = layer.distance(ray, reach, tau) else { continue };
-                let before = |(n, other): (usize, &Layer)| if n == number { 0.0 } else { other.optical_depth(ray, distance) };
-                let others: f64 = band.air.layers().iter().enumerate().map(before).sum();
-                let clear = (-others - room.profile.until(distance)).exp();
-                let weight = layer.albedo.x * (chance / f64::from(looks) * clear) as f32;
+                // By one of the channels; what each would have found so counts by the balance heuristic.
+                let hero = Spectrum::draw(&band.air, rng).hero();
+                let along = (f64::from(i) + rng.uniform()) / f64::from(looks) * chances[hero];
+                let Some(distance) = layer.distance(ray, reach, -(-along).ln_1p() / layer.sigma_t()[hero]) else { continue };
+                let own = layer.sigma_t() * layer.optical_depth(ray, distance).map(|depth| (-depth).exp());
+                let density = DVec3::select(chances.cmpgt(DVec3::ZERO), own / chances, DVec3::ZERO).element_sum() / 3.0;
+                let before = |(n, other): (usize, &Layer)| if n == number { DVec3::ZERO } else { other.optical_depth(ray, distance) };
+                let others: DVec3 = layers.iter().enumerate().map(before).sum();
+                let clear = (-others - room.profile.until(distance)).map(f64::exp);
+                let weight = layer.albedo * (own / density / f64::from(looks) * clear).as_vec3();
                 let here = Ray { origin: ray.at(distance), direction: ray.direction };
                 sent.direct += weight * tracer.sun.in_air(band, &tracer.surfaces, &here, layer, rng, &mut room.scratch);
                 sent.looks += 1;
                 if let Some(glow) = self.glow.as_ref().filter(|_| first) {
-                    glow.sent(ray, distance, number, weight, &mut sent.groups);
+                    glow.sent(ray, distance, number, weight, &mut sent.found);
                 } else {
                     // A reservoir of one: each point is kept in proportion to its weight.
-                    whole += weight;
-                    if rng.uniform_f32() * whole < weight {
-                        chosen = Some((here, layer));
+                    let grey = grey(weight);
+                    whole += grey;
+                    if rng.uniform_f32() * whole < grey {
+                        chosen = Some((here, layer, weight / grey));
                     }
                 }
             }
         }
-        sent.indirect = self.tint * sent.groups.iter().sum::<f32>();
         // What follows plays roulette, with the chance of the light that it stands for.
         let kept = whole.min(1.0);
-        if let Some((here, layer)) = chosen.filter(|_| rng.uniform_f32() < kept) {
-            sent.indirect += whole / kept * onward(tracer, &here, layer, rng, room);
+        if let Some((here, layer, tint)) = chosen.filter(|_| rng.uniform_f32() < kept) {
+            sent.followed = tint * (whole / kept) * onward(tracer, &here, layer, rng, room);
         }
         sent
     }

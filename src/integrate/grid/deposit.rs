@@ -6,9 +6,10 @@ use super::space::Space;
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::media::Media;
-use crate::photon::{GROUPS, Tracer, Witness};
+use crate::photon::{Colour, GROUPS, Tracer, Witness};
 use crate::progress::Progress;
 use crate::rng::Rng;
+use crate::scene::medium::luminance;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,13 +25,24 @@ const ASIDE: f32 = 0.3;
 /// Sums are of whole numbers, of which the strongest photon in the phase function's peak is 2^36: the same in whatever order.
 const WHOLE: f64 = (1u64 << 36) as f64;
 
-/// What photons have left: by class, of each voxel and number of the basis, what each group brought to the medium there, over the whole
-/// voxel, as a sum.
-pub(super) type Gathered = [Vec<Groups>; CLASSES.len()];
+/// What photons have left: by class, of each voxel and number of the basis, what they brought to the medium there, over the whole voxel,
+/// as a sum.
+pub(super) struct Gathered {
+    /// Luminance, by groups.
+    pub light: [Vec<Groups>; CLASSES.len()],
+    /// Red and blue of all groups, where colours ride along; else nothing.
+    pub colour: [Vec<[f32; 2]>; CLASSES.len()],
+}
 
-/// Room for what photons leave.
-pub(super) fn empty(space: &Space, basis: &Basis) -> Gathered {
-    CLASSES.map(|_| vec![[0.0f32; GROUPS]; space.frame.voxels() * basis.len()])
+impl Gathered {
+    /// Room for what photons leave.
+    pub fn empty(space: &Space, basis: &Basis, coloured: bool) -> Self {
+        let places = space.frame.voxels() * basis.len();
+        Gathered {
+            light: CLASSES.map(|_| vec![[0.0f32; GROUPS]; places]),
+            colour: CLASSES.map(|_| vec![[0.0f32; 2]; if coloured { places } else { 0 }]),
+        }
+    }
 }
 
 /// Follows photons, `items` of each group, from the item `first` on, and adds what they leave.
@@ -49,22 +61,25 @@ pub(super) fn gather(
     let spacing = (SPACING / (space.usual * step)).max(1.0);
     let whole = WHOLE / (tracer.strongest() * basis.peak());
     let places = space.frame.voxels() * basis.len();
-    let sums = (0..places * CLASSES.len()).into_par_iter().map(|_| AtomicU64::new(0)).collect();
+    let channels = if tracer.tint().is_none() { 3 } else { 1 };
+    let sums = (0..places * CLASSES.len() * channels).into_par_iter().map(|_| AtomicU64::new(0)).collect();
     let held = space.fill.iter().map(|fill| Held::of(fill.share)).collect();
-    let mut deposits = Deposits { space, basis, media, held, sums, whole, spacing: spacing as f32 };
+    let mut deposits = Deposits { space, basis, media, held, sums, channels, whole, spacing: spacing as f32 };
     let unit = spacing / (whole * step.powi(2));
     progress.begin("photons", items * GROUPS as u64);
     for group in 0..GROUPS {
         let first = first + group as u64 * items;
         tracer.follow(first..first + items, seed, &deposits, progress)?;
         progress.at((group as u64 + 1) * items);
-        for (class, light) in into.iter_mut().enumerate() {
-            light.par_iter_mut().enumerate().for_each(|(place, light)| {
-                let sum = deposits.sums[place * CLASSES.len() + class].load(Ordering::Relaxed) as i64;
-                light[group] += (sum as f64 * unit) as f32;
-            });
+        for (class, light) in into.light.iter_mut().enumerate() {
+            light.par_iter_mut().enumerate().for_each(|(place, light)| light[group] += (deposits.take(place, class, 0) * unit) as f32);
         }
-        deposits.sums.par_iter_mut().for_each(|sum| *sum.get_mut() = 0);
+        // Red and blue are those of all groups.
+        deposits.sums.par_iter_mut().step_by(channels).for_each(|sum| *sum.get_mut() = 0);
+    }
+    for (class, colour) in into.colour.iter_mut().enumerate() {
+        let both = |place: usize| [1, 2].map(|channel| (deposits.take(place, class, channel) * unit) as f32);
+        colour.par_iter_mut().enumerate().for_each(|(place, colour)| *colour = both(place));
     }
     Ok(())
 }
@@ -94,19 +109,27 @@ struct Deposits<'a> {
     media: &'a Media,
     /// Of each voxel: a byte, for the sake of the cache.
     held: Vec<Held>,
-    /// Of each voxel and number of the basis, by class.
+    /// Of each voxel and number of the basis, by class: luminance, and where colours ride along red and blue.
     sums: Vec<AtomicU64>,
+    channels: usize,
     /// What a photon of 1 W leaves in a point for 1/sr.
     whole: f64,
     /// Between points, in voxels.
     spacing: f32,
 }
 
+impl Deposits<'_> {
+    /// A sum, in units of its own.
+    fn take(&self, place: usize, class: usize, channel: usize) -> f64 {
+        self.sums[(place * CLASSES.len() + class) * self.channels + channel].load(Ordering::Relaxed) as i64 as f64
+    }
+}
+
 impl Witness for Deposits<'_> {
     const KEEPS: bool = false;
 
     #[inline]
-    fn flight(&self, ray: &Ray, reach: f32, power: f64, events: u64, rng: &mut Rng) {
+    fn flight(&self, ray: &Ray, reach: f32, power: f64, colour: Colour, events: u64, rng: &mut Rng) {
         if events == 0 {
             return;
         }
@@ -119,9 +142,21 @@ impl Witness for Deposits<'_> {
                 _ => return,
             }
             let first = voxel * self.basis.len() * CLASSES.len() + class;
+            // Below zero as the two's complement: sums come out right.
+            let add = |place: usize, light: f32| self.sums[place].fetch_add(light as i64 as u64, Ordering::Relaxed);
+            if self.channels == 1 {
+                self.basis.each(p, ray.direction, |number, value| {
+                    add(first + number * CLASSES.len(), share * value);
+                });
+                return;
+            }
+            let rgb = colour.at(ray, (p - ray.origin).dot(ray.direction));
+            let channels = [luminance(rgb.as_dvec3().to_array()) as f32, rgb.x, rgb.z].map(|channel| channel * share);
             self.basis.each(p, ray.direction, |number, value| {
-                // Below zero as the two's complement: sums come out right.
-                self.sums[first + number * CLASSES.len()].fetch_add((share * value) as i64 as u64, Ordering::Relaxed);
+                let place = (first + number * CLASSES.len()) * 3;
+                channels.iter().enumerate().for_each(|(i, channel)| {
+                    add(place + i, channel * value);
+                });
             });
         });
     }

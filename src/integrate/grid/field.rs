@@ -7,7 +7,7 @@
 //! [`crate::integrate::Integrator::Path`].
 
 use super::basis::{Basis, harmonics};
-use super::deposit::{CLASSES, empty, gather};
+use super::deposit::{CLASSES, Gathered, gather};
 use super::fit::{Fit, needed};
 use super::space::Space;
 use crate::bvh::Box3;
@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::media::Media;
 use crate::photon::{GROUPS, Tracer};
 use crate::progress::Progress;
-use crate::scene::Scene;
+use crate::scene::{Scene, medium::luminance};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -45,6 +45,33 @@ pub(super) struct Request<'a> {
     pub coarser: f64,
 }
 
+/// Light that was looked up, summed over places.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Found {
+    /// Luminance by groups.
+    pub groups: Groups,
+    /// By channel, all groups together.
+    pub rgb: Vec3,
+    /// By how much smoothing may be off, as a luminance.
+    pub doubt: f32,
+}
+
+impl Found {
+    /// By what luminance is to be multiplied for the colour of the whole.
+    pub fn tint(&self) -> Vec3 {
+        let whole: f32 = self.groups.iter().sum();
+        if whole > 0.0 { (self.rgb / whole).clamp(Vec3::ZERO, Vec3::splat(VIVID)) } else { Vec3::ONE }
+    }
+}
+
+/// The largest that a channel can be of a luminance: blue alone.
+const VIVID: f32 = 1.0 / 0.0722;
+
+/// The luminance of a colour.
+pub(super) fn grey(rgb: Vec3) -> f32 {
+    luminance(rgb.as_dvec3().to_array()) as f32
+}
+
 /// Light in voxels.
 #[derive(Debug)]
 pub(super) struct Field {
@@ -55,8 +82,10 @@ pub(super) struct Field {
     first: u64,
     seed: u64,
     coarser: f64,
-    /// Of each voxel and number of the basis, per unit of optical depth and of albedo, by groups.
+    /// Of each voxel and number of the basis, per unit of optical depth and of albedo: luminance by groups, and the channels of all
+    /// groups together.
     light: Vec<Groups>,
+    rgb: Vec<[f32; 3]>,
     /// By how much smoothing may be off there, all groups together.
     doubt: Vec<f32>,
     /// Whether a voxel has medium around it.
@@ -68,7 +97,7 @@ impl Field {
     pub(super) fn new(request: Request) -> Self {
         let Request { first, seed, coarser, .. } = request;
         let space = Space::new(&request);
-        Field { basis: request.basis, space, items: 0, first, seed, coarser, light: vec![], doubt: vec![], lit: vec![] }
+        Field { basis: request.basis, space, items: 0, first, seed, coarser, light: vec![], rgb: vec![], doubt: vec![], lit: vec![] }
     }
 
     /// Follows so many photons, and smooths their light.
@@ -76,7 +105,7 @@ impl Field {
     /// # Errors
     /// [`crate::Error::Interrupted`].
     pub(super) fn brighten(&mut self, (tracer, media): (&Tracer, &Media), photons: u64, progress: &dyn Progress) -> Result<()> {
-        let mut gathered = empty(&self.space, &self.basis);
+        let mut gathered = Gathered::empty(&self.space, &self.basis, tracer.tint().is_none());
         self.items = photons.div_ceil(GROUPS as u64 * Tracer::PATHS);
         gather((tracer, media, &self.basis), &self.space, (self.first, self.items), self.seed, &mut gathered, progress)?;
         // The kernel that is best grows slowly as photons get fewer: with twicing its bias falls as a high power of its width.
@@ -87,15 +116,22 @@ impl Field {
         let needed = needed(frame, fill);
         self.light = vec![[0.0f32; GROUPS]; frame.voxels() * numbers];
         self.doubt = vec![0.0; frame.voxels() * numbers];
+        let mut colour = vec![[0.0f32; 2]; frame.voxels() * numbers];
         self.lit = vec![true; frame.voxels()];
         // Each group is an estimate of its own; their mean is the field.
         let each = (1.0 / self.photons() as f64) as f32;
-        for (class, gathered) in gathered.iter().enumerate() {
+        for (class, (gathered, colours)) in gathered.light.iter().zip(&gathered.colour).enumerate() {
             progress.check()?;
             progress.at(class as u64);
             let fit = Fit::new(frame, fill, &needed, wider * KERNELS[class] / (usual * f64::from(frame.step)));
             self.lit.iter_mut().enumerate().for_each(|(voxel, lit)| *lit &= fit.holds(voxel));
             for number in 0..numbers {
+                if !colours.is_empty() {
+                    let one: Vec<[f32; 2]> = (0..frame.voxels()).map(|i| colours[i * numbers + number].map(|c| each * c)).collect();
+                    for (sum, add) in colour.iter_mut().skip(number).step_by(numbers).zip(fit.smooth(&one).0) {
+                        *sum = [sum[0] + add[0], sum[1] + add[1]];
+                    }
+                }
                 for first in (0..GROUPS).step_by(LANES) {
                     let part =
                         |i: usize| -> [f32; LANES] { std::array::from_fn(|lane| each * gathered[i * numbers + number][first + lane]) };
@@ -110,6 +146,15 @@ impl Field {
                 }
             }
         }
+        // The three channels of a luminance of which red and blue are known.
+        let rgb = |(groups, [red, blue]): (&Groups, [f32; 2])| {
+            let whole: f32 = groups.iter().sum();
+            match tracer.tint() {
+                Some(tint) => (tint * whole).to_array(),
+                None => [red, (whole - 0.2126 * red - 0.0722 * blue) / 0.7152, blue],
+            }
+        };
+        self.rgb = self.light.iter().zip(colour).map(rgb).collect();
         Ok(())
     }
 
@@ -118,11 +163,10 @@ impl Field {
         self.items * GROUPS as u64 * Tracer::PATHS
     }
 
-    /// Adds `share` of the light that scattering with mean cosine `g` at `p` sends into `outward`, per unit of optical depth and of
-    /// albedo, by groups whose sum it is; and to the last number, by how much smoothing may be off. In the field of a camera `outward` is
-    /// the way to it.
+    /// Adds `share`, by channel, of the light that scattering with mean cosine `g` at `p` sends into `outward`, per unit of optical depth
+    /// and of albedo. In the field of a camera `outward` is the way to it.
     #[inline]
-    pub(super) fn scattered(&self, p: Vec3, outward: Vec3, g: f64, share: f32, (sum, doubt): (&mut Groups, &mut f32)) {
+    pub(super) fn scattered(&self, p: Vec3, outward: Vec3, g: f64, share: Vec3, into: &mut Found) {
         let (mut whole, mut found, mut count) = (0.0f32, [(0usize, 0.0f32); 8], 0);
         self.space.frame.around(p, |voxel, weight| {
             if self.lit[voxel] {
@@ -135,11 +179,14 @@ impl Field {
             return;
         }
         let numbers = self.basis.len();
+        let of_grey = grey(share);
         for &(voxel, weight) in &found[..count] {
-            let weight = weight * share / whole;
+            let weight = weight / whole;
             self.basis.shares(g, outward, |number, part| {
-                sum.iter_mut().zip(&self.light[voxel * numbers + number]).for_each(|(s, &l)| *s += weight * part * l);
-                *doubt += weight * part * self.doubt[voxel * numbers + number];
+                let (place, part) = (voxel * numbers + number, weight * part);
+                into.groups.iter_mut().zip(&self.light[place]).for_each(|(s, &l)| *s += of_grey * part * l);
+                into.rgb += share * part * Vec3::from_array(self.rgb[place]);
+                into.doubt += of_grey * part * self.doubt[place];
             });
         }
     }
@@ -162,9 +209,9 @@ impl Field {
 
     /// What scattering with mean cosine `g` at `p` sends into `outward`, times `share`.
     pub(super) fn toward(&self, p: Vec3, outward: Vec3, g: f64, share: f32) -> f32 {
-        let (mut sum, mut doubt) = (Groups::default(), 0.0);
-        self.scattered(p, outward, g, share, (&mut sum, &mut doubt));
-        sum.iter().sum()
+        let mut found = Found::default();
+        self.scattered(p, outward, g, Vec3::splat(share), &mut found);
+        found.groups.iter().sum()
     }
 
     /// The mean cosine of a Henyey-Greenstein lobe about the axis of the basis whose moments are in the ratio that those beyond the

@@ -1,18 +1,17 @@
 //! What air sends toward the camera besides sunlight that scattered once: light of clouds, of the ground, of the sky, of other air. It is
 //! smooth, so it is followed by paths from few places in the camera's view, and looked up between them.
 
-use super::field::Groups;
+use super::field::{Found, Groups, grey};
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::integrate::lens::Lens;
 use crate::integrate::path::PathTracer;
 use crate::media::Scratch;
-use crate::media::air::Layer;
 use crate::photon::GROUPS;
 use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
 use crate::sampling::around;
-use crate::scene::{air::MOST_LAYERS, medium::luminance};
+use crate::scene::air::MOST_LAYERS;
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
@@ -37,8 +36,15 @@ pub(super) struct Glow {
     seed: u64,
     /// Paths of each group, place and layer.
     paths: u64,
-    /// Of each place and layer: radiance (its luminance) by groups, as a sum over their paths, W m^-2 sr^-1; none where surfaces hide it.
-    light: Vec<Option<[Groups; MOST_LAYERS]>>,
+    /// Of each place and layer; none where surfaces hide it.
+    light: Vec<Option<[Sums; MOST_LAYERS]>>,
+}
+
+/// Radiance as a sum over paths, W m^-2 sr^-1: its luminance by groups, and the channels of all.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    groups: Groups,
+    rgb: Vec3,
 }
 
 impl Glow {
@@ -48,7 +54,7 @@ impl Glow {
         let apart = pixels[0].max(pixels[1]) / ACROSS;
         let count = |pixels: f32| (pixels / apart).ceil().max(1.0) as u32 + 1;
         let air = &tracer.bands[0].air;
-        let densest: f64 = air.layers().iter().map(Layer::densest).sum();
+        let densest: f64 = air.layers().iter().map(|layer| layer.sigma_t().max_element()).sum();
         let farthest = ((FARTHEST.0 / densest) as f32).clamp(size * FARTHEST.1[0], size * FARTHEST.1[1]);
         let nearest = (size * NEAREST).min(farthest * 0.5);
         let size = UVec3::new(count(pixels[0]), count(pixels[1]), ALONG);
@@ -75,7 +81,7 @@ impl Glow {
     }
 
     /// The light at one place, by layers and groups, of all its paths.
-    fn follow(&self, tracer: &PathTracer, place: u32, rng: &mut Rng, scratch: &mut Scratch) -> Option<[Groups; MOST_LAYERS]> {
+    fn follow(&self, tracer: &PathTracer, place: u32, rng: &mut Rng, scratch: &mut Scratch) -> Option<[Sums; MOST_LAYERS]> {
         let at = UVec3::new(place % self.size.x, place / self.size.x % self.size.y, place / (self.size.x * self.size.y));
         let share = |at: u32, size: u32| at as f32 / (size - 1) as f32;
         let view = self.lens.view(self.pixels[0] * share(at.x, self.size.x), self.pixels[1] * share(at.y, self.size.y)).ray;
@@ -84,24 +90,25 @@ impl Glow {
             return None;
         }
         let band = &tracer.bands[0];
-        let mut out = [[0.0; GROUPS]; MOST_LAYERS];
+        let mut out = [Sums::default(); MOST_LAYERS];
         for (layer, sums) in band.air.layers().iter().zip(&mut out) {
-            for sum in sums {
+            for sum in &mut sums.groups {
                 for _ in 0..self.paths {
                     let (cos, sin) = layer.scattering.sample(rng.uniform());
                     let direction = around(view.direction, cos as f32, sin as f32, rng.uniform_f32());
                     let ray = Ray { origin: view.at(distance), direction };
                     let light: Vec3 = tracer.radiance(band, ray, f32::INFINITY, rng, scratch).light.iter().sum();
-                    *sum += luminance(light.as_dvec3().to_array()) as f32;
+                    *sum += grey(light);
+                    sums.rgb += light;
                 }
             }
         }
         Some(out)
     }
 
-    /// Adds `share` of the light that a layer sends back along a camera ray from a distance, per unit of optical depth and of albedo,
-    /// by groups.
-    pub(super) fn sent(&self, ray: &Ray, distance: f32, layer: usize, share: f32, into: &mut Groups) {
+    /// Adds `share`, by channel, of the light that a layer sends back along a camera ray from a distance, per unit of optical depth and of
+    /// albedo.
+    pub(super) fn sent(&self, ray: &Ray, distance: f32, layer: usize, share: Vec3, into: &mut Found) {
         let [x, y] = self.lens.pixel(ray.direction);
         let z = (distance / self.nearest).max(1e-30).ln() / self.step;
         let last = (self.size - 1).as_vec3();
@@ -123,9 +130,11 @@ impl Glow {
             return;
         }
         let each = share / (whole * (self.paths * GROUPS as u64) as f32);
+        let of_grey = grey(each);
         for (weight, place) in found.into_iter().filter(|f| f.0 > 0.0) {
-            let groups = self.light[place].iter().map(|light| &light[layer]);
-            groups.for_each(|groups| into.iter_mut().zip(groups).for_each(|(sum, light)| *sum += each * weight * light));
+            let Some(light) = self.light[place].map(|light| light[layer]) else { continue };
+            into.groups.iter_mut().zip(light.groups).for_each(|(sum, light)| *sum += of_grey * weight * light);
+            into.rgb += each * weight * light.rgb;
         }
     }
 }

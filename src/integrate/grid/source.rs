@@ -1,19 +1,21 @@
 //! The source function: what the medium at a point sends out, per unit of optical depth. It is what a bake keeps.
 
+use super::BYTES;
 use super::basis::{AROUND, Basis, DEGREE, HARMONICS, harmonics, legendre};
 use super::field::{Field, Request};
-use super::{BYTES, parts};
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::integrate::path::PathTracer;
+use crate::integrate::photon::channels_of;
 use crate::media::Scratch;
 use crate::photon::{Model, Tracer};
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::scene::phase::{henyey_greenstein, one_minus_cos};
-use crate::scene::{Scene, medium::luminance};
+use crate::scene::{Scene, Sun, medium::luminance};
 use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
+use std::borrow::Cow;
 use std::f64::consts::PI;
 
 /// Phase functions with a mean cosine below this leave no light that is peaked about the sun's once it has scattered twice.
@@ -93,6 +95,27 @@ struct Followed {
     sunward: Vec3,
     /// The mean cosine of the lobe about the sun's light of what has scattered more than once; 0 where there is none.
     lobe: f64,
+}
+
+/// The grey scenes that make up a scene, with the channels that each stands for and the tint of its light: one, where sun and sky have the
+/// same and nothing else is coloured, air neither; two, one of the sun's light and one of the sky's, where only these differ, so that
+/// noise has no other colours than they; else three.
+fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
+    let (sun, sky) = (scene.sun.irradiance, scene.sky);
+    let mut parts = channels_of(scene, Model::Physical);
+    if parts.len() > 1 || luminance(sky) <= 0.0 {
+        return parts;
+    }
+    let alike = (0..3).all(|c| (sun[c] * luminance(sky) - sky[c] * luminance(sun)).abs() <= 1e-9 * luminance(sky) * luminance(sun));
+    let sky_tint = (DVec3::from_array(sky) / luminance(sky)).as_vec3();
+    if luminance(sun) <= 0.0 {
+        parts[0].2 = sky_tint;
+    } else if !alike {
+        parts[0].0 = Cow::Owned(Scene { sky: [0.0; 3], ..scene.clone() });
+        let dark = Sun { irradiance: [0.0; 3], ..scene.sun };
+        parts.push((Cow::Owned(Scene { sun: dark, ..scene.clone() }), Vec3::ONE, sky_tint));
+    }
+    parts
 }
 
 impl SourceFunction {

@@ -10,7 +10,7 @@ use crate::integrate::photon::PhotonSettings;
 use crate::integrate::{Integrator, Rendering, render};
 use crate::plan::Density;
 use crate::progress::Silent;
-use crate::scene::{Medium, Mesh, Region, Shape, Surface};
+use crate::scene::{Medium, Mesh, Shape, Sun, Surface};
 
 const SIZE: u32 = 24;
 

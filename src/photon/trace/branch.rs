@@ -2,11 +2,12 @@
 
 use super::{Batch, Fate, Tracer};
 use crate::geom::Ray;
-use crate::media::air::Layer;
-use crate::photon::Model;
+use crate::media::air::{Atmosphere, Layer, Spectrum};
+use crate::photon::{Colour, Model};
 use crate::rng::Rng;
 use crate::sampling::{around, cosine_hemisphere};
 use crate::trimesh::Hit;
+use glam::Vec3;
 use smallvec::SmallVec;
 use std::f64::consts::PI;
 
@@ -15,6 +16,9 @@ use std::f64::consts::PI;
 pub(super) struct Branch {
     pub ray: Ray,
     pub power: f64,
+    /// What its power counts in each channel.
+    pub tint: Vec3,
+    pub spectrum: Spectrum,
     /// Whether its power is in the energy balance: it crossed the silhouette, or a surface sent it toward the regions.
     pub counted: bool,
     /// Whether a surface has reflected it, or it comes from the sky or from air: it is not the sun's any more.
@@ -26,14 +30,21 @@ pub(super) struct Branch {
 }
 
 impl Branch {
+    /// Its colour along its next flight.
+    pub(super) fn colour<'a>(&self, air: &'a Atmosphere) -> Colour<'a> {
+        Colour { tint: self.tint, spectrum: self.spectrum, air }
+    }
+
     /// How it goes on after a collision with air, if it does: before it has met a region, the light of the air stands for it.
     pub(super) fn in_air(&self, distance: f32, layer: &Layer, rng: &mut Rng) -> Option<Branch> {
-        if !self.met || rng.uniform_f32() >= layer.albedo.x {
+        let kept = layer.albedo.max_element();
+        if !self.met || rng.uniform_f32() >= kept {
             return None;
         }
         let (cos, sin) = layer.scattering.sample(rng.uniform());
         let direction = around(self.ray.direction, cos as f32, sin as f32, rng.uniform_f32());
-        Some(Branch { ray: Ray { origin: self.ray.at(distance), direction }, bounced: true, ..*self })
+        let tint = self.tint * layer.albedo / kept;
+        Some(Branch { ray: Ray { origin: self.ray.at(distance), direction }, tint, bounced: true, ..*self })
     }
 }
 
@@ -51,6 +62,7 @@ impl Tracer {
         left: &mut SmallVec<[Branch; 8]>,
     ) -> Option<Branch> {
         let albedo = self.albedos[hit.owner as usize];
+        let tint = at.tint * self.surface_tint(hit.owner);
         let origin = hit.off(&at.ray);
         let aimed = albedo > 0.0 && self.model == Model::Physical;
         let cone = self.emitter.aim().filter(|_| aimed).and_then(|aim| aim.seen_from(origin));
@@ -72,7 +84,7 @@ impl Tracer {
                 if !at.counted {
                     batch.power += kept;
                 }
-                left.push(Branch { ray: Ray { origin, direction }, power: kept, counted: true, bounced: true, ..*at });
+                left.push(Branch { ray: Ray { origin, direction }, power: kept, tint, counted: true, bounced: true, ..*at });
             }
         }
         if rng.uniform() >= albedo {
@@ -89,6 +101,6 @@ impl Tracer {
         if counted && !at.counted {
             batch.power += at.power;
         }
-        Some(Branch { ray: Ray { origin, direction }, counted, bounced: true, ..*at })
+        Some(Branch { ray: Ray { origin, direction }, tint, counted, bounced: true, ..*at })
     }
 }

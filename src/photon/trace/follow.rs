@@ -5,8 +5,10 @@ use crate::error::Result;
 use crate::geom::Ray;
 use crate::media::Scratch;
 use crate::photon::Witness;
+use crate::photon::colour::Colours;
 use crate::progress::Progress;
 use crate::rng::Rng;
+use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -27,12 +29,17 @@ impl Tracer {
         progress.check()
     }
 
-    /// About the most power that a path starts with, before it is divided by their number, W.
+    /// What all light has for a colour, of luminance 1; `None` where colours ride along.
+    pub fn tint(&self) -> Option<Vec3> {
+        if let Colours::Even(tint) = self.colours { Some(tint) } else { None }
+    }
+
+    /// About the most power that a path has in a channel, before it is divided by their number, W.
     pub fn strongest(&self) -> f64 {
         let (sky, air) = (self.share_of_sky(), self.share_of_air());
         let sun = if sky < 1.0 { self.emitter.base_power() / ((1.0 - sky) * (1.0 - air)) } else { 0.0 };
         let sky = self.sky.map_or(0.0, |light| light.power() / (sky * (1.0 - air)));
-        sun.max(sky).max(self.air_light.map_or(0.0, |light| light.power / air))
+        self.colours.most() * sun.max(sky).max(self.air_light.map_or(0.0, |light| light.power / air))
     }
 
     /// The share of paths of [`Tracer::follow`] that start in air.
@@ -56,13 +63,17 @@ impl Tracer {
             let start = light.emit(self, rng, scratch);
             return Start { power: start.power / shares.1, ..start };
         }
-        let (start, share) = match self.sky.filter(|_| shares.0 > 0.0 && rng.uniform() < shares.0) {
-            Some(sky) => (sky.emit(rng), shares.0),
-            None => (self.emitter.emit(rng, &self.surfaces, along), 1.0 - shares.0),
+        let (start, share, tint) = match self.sky.filter(|_| shares.0 > 0.0 && rng.uniform() < shares.0) {
+            Some(sky) => (sky.emit(rng, self.eye.as_ref()), shares.0, self.tints().map(|tints| tints.sky)),
+            None => (self.emitter.emit(rng, &self.surfaces, along), 1.0 - shares.0, self.tints().map(|tints| tints.sun)),
         };
         let upstream = Ray { direction: -start.ray.direction, ..start.ray };
         let clear = self.air.transmittance(&upstream, f32::INFINITY);
-        Start { power: start.power * clear / (share * (1.0 - shares.1)), ..start }
+        let (power, tint) = match tint {
+            Some(tint) => (start.power, tint * clear),
+            None => (start.power * f64::from(clear.x), Vec3::ONE),
+        };
+        Start { power: power / (share * (1.0 - shares.1)), tint, ..start }
     }
 
     /// The area, across the sunlight, over which photons start, m^2.

@@ -59,8 +59,27 @@ fn the_grid_integrator_sees_what_the_path_tracer_sees() {
     scene.air = Air::new(layers);
     scene.sky = [0.05; 3];
     agrees("cloud in thick air", &scene, 400, 4);
-    // Blue air: each channel on its own.
-    scene.air = Air::new([layers[0].coloured(|_| [0.05, 0.12, 0.3])]);
-    scene.surfaces.clear();
+    // Blue air, and ground and cloud of other colours.
+    scene.air = Air::new([layers[0].coloured(|_| [0.05, 0.12, 0.3]), layers[1].coloured(|_| [0.1, 0.1, 0.02])]);
+    scene.surfaces[0].albedo = [0.6, 0.3, 0.1];
+    scene.regions[0].medium = Medium { sigma_s: [5.99, 5.9, 5.7], sigma_a: [0.01, 0.1, 0.3], g: 0.8 };
     agrees("cloud in blue air", &scene, 300, 3);
+}
+
+/// A path whose flights through coloured air one channel draws is worth as much in every channel as paths of that channel alone.
+#[test]
+fn a_path_counts_in_three_colours() {
+    let mut scene = cloud();
+    scene.sky = [0.05; 3];
+    let thin = haze(0.0, 1.0, Scattering::Rayleigh, Some(1.0)).coloured(|_| [0.02, 0.2, 0.9]);
+    scene.air = Air::new([thin, haze(0.15, 0.9, Scattering::HenyeyGreenstein(0.7), None)]);
+    let together = means(&picture(&scene, Integrator::Path, 300, 0, 5));
+    for (c, together) in together.iter().enumerate() {
+        let mut alone = scene.clone();
+        alone.air = scene.air.coloured(|rgb| [rgb[c]; 3]);
+        let alone = means(&picture(&alone, Integrator::Path, 300, 0, 6 + c as u64))[c];
+        let z = (together.0 - alone.0) / together.1.hypot(alone.1);
+        println!("channel {c}: {together:?} {alone:?}: z = {z:.2}");
+        assert!(together.1 < 0.01 * together.0 && z.abs() < 3.5);
+    }
 }
