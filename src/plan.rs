@@ -5,6 +5,7 @@ use crate::scene::medium::luminance;
 use crate::scene::{Air, Medium, Region, Scene, Sun, Surface};
 use serde::Serialize;
 use std::borrow::Cow;
+use std::sync::Arc;
 
 pub use crate::scene::effect::EffectName;
 
@@ -121,6 +122,7 @@ impl Plan {
             surfaces: scene.surfaces.iter().map(|s| Surface { albedo: grey(s.albedo), ..s.clone() }).collect(),
             sun: Sun { irradiance: grey(scene.sun.irradiance), angular_diameter, ..scene.sun },
             sky: if self.without(Sky) { [0.0; 3] } else { grey(scene.sky) },
+            dome: scene.dome.as_ref().filter(|_| !self.without(Sky)).and_then(|dome| dome.coloured(grey)).map(Arc::new),
             air: if self.without(AirEffect) { Air::default() } else { scene.air.coloured(grey) },
             camera: scene.camera,
             wishes: scene.wishes,

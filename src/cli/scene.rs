@@ -1,9 +1,13 @@
 //! The flags that say what a file does not, or override what it says: media, sun, sky, camera.
 
 use super::values::{count, length};
-use crate::import::{ImportOptions, MAX_VOXELS, air::spelt};
+use crate::import::{
+    ImportOptions, MAX_VOXELS,
+    air::spelt,
+    sky::{self, SkySpec},
+};
 use crate::scene::view::LONGEST;
-use crate::scene::{Air, Overrides, View, Wishes, effect::EffectName};
+use crate::scene::{Air, Overrides, Sky, View, Wishes, effect::EffectName};
 use crate::sculpt::{DetailRequest, Genus, MOST_OCTAVES, MOST_STRENGTH};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
@@ -39,9 +43,10 @@ pub struct SceneArguments {
     /// The sun's irradiance in W/m^2 across its light, one number or R,G,B
     #[arg(long, value_name = "E|R,G,B", value_parser = light, allow_hyphen_values = true)]
     pub irradiance: Option<Rgb>,
-    /// The sky's radiance in W/m^2/sr, one number or R,G,B
-    #[arg(long, value_name = "L|R,G,B", value_parser = light, allow_hyphen_values = true)]
-    pub sky: Option<Rgb>,
+    /// The sky's radiance in W/m^2/sr, one number or R,G,B; ZENITH+HORIZON[+GROUND] of these; clear, a clear day's about the sun, as in
+    /// clear:turbidity=3; or an image of all directions, as in studio.exr:strength=2,turn=90
+    #[arg(long, value_name = "SKY", value_parser = sky::spelt, allow_hyphen_values = true)]
+    pub sky: Option<SkySpec>,
     /// The air around the clouds: none, clear, rayleigh, or a medium with a top, with options behind it as in
     /// clear:visibility=20000,base=0 or haze:visibility=8000,top=1500; a + between several
     #[arg(long, value_name = "AIR", value_parser = spelt)]
@@ -108,11 +113,15 @@ impl SceneArguments {
                 sun: self.sun,
                 sun_angle: self.sun_angle,
                 irradiance: self.irradiance,
-                sky: self.sky,
+                sky: match self.sky {
+                    Some(SkySpec::Made(Sky::Even(radiance))) => Some(radiance),
+                    _ => None,
+                },
                 air: self.atmosphere,
                 wishes: self.wishes(),
                 periodic: self.periodic.is_some(),
             },
+            sky: self.sky.clone().filter(|sky| !matches!(sky, SkySpec::Made(Sky::Even(_)))),
             detail: self.detail,
             voxel_size: self.voxel_size,
             max_voxels: self.max_voxels,

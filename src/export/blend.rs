@@ -6,12 +6,17 @@ use super::staged::write_bytes;
 use super::vdb::Voxels;
 use crate::bake::{Baked, Term};
 use crate::error::Result;
-use crate::scene::{Framed, Scene};
+use crate::scene::{Dome, Framed, Scene};
+use glam::Vec3;
 use serde_json::{Map, Value, json};
+use std::f32::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
 const MATERIALS: &str = include_str!("../../blender_addon/baked.py");
 const STAGE: &str = include_str!("blend/stage.py");
+
+/// Columns and rows of a sky that is not even, as the script has it.
+const DOME: [usize; 2] = [128, 64];
 
 /// What is set up.
 pub struct Setup<'a> {
@@ -68,10 +73,22 @@ impl Setup<'_> {
             "bake": voxels.light().map(light),
             "sun": {"direction": sun.direction.to_array(), "irradiance": sun.irradiance, "angle": sun.angular_diameter},
             "sky": scene.sky,
+            "dome": scene.dome.as_deref().map(dome),
             "camera": {"matrix": rows, "yfov": camera.yfov, "near": camera.znear, "far": camera.zfar, "width": framed.width, "height": framed.height},
             "surfaces": scene.surfaces.iter().map(surface).collect::<Vec<_>>(),
         })
     }
+}
+
+/// The sky by direction, as an image of few rows from the zenith down.
+fn dome(dome: &Dome) -> Value {
+    let [width, height] = DOME;
+    let texel = |i: usize| {
+        let (u, v) = (((i % width) as f32 + 0.5) / width as f32, ((i / width) as f32 + 0.5) / height as f32);
+        let ((sin, cos), (y, x)) = ((PI * v).sin_cos(), (TAU * (0.5 - u)).sin_cos());
+        dome.radiance(Vec3::new(sin * x, sin * y, cos)).to_array().map(|c| format!("{c:.4e}").parse::<f64>().unwrap_or(0.0))
+    };
+    json!({"width": width, "height": height, "texels": (0..width * height).map(texel).collect::<Vec<_>>()})
 }
 
 /// What the material has to know of baked light: of each light its colour and scale, and its grids by what they hold.

@@ -332,7 +332,11 @@ pub fn plan_table(plan: &Plan) -> String {
 }
 
 fn bound(effect: &Effect) -> String {
-    if effect.bound > 0.0 { format!(" (leaving it out changes at most {:.2} %)", 100.0 * effect.bound) } else { String::new() }
+    match effect.bound {
+        bound if bound <= 0.0 => String::new(),
+        bound if bound < 1.0 => format!(" (leaving it out changes at most {:.2} %)", 100.0 * bound),
+        _ => " (leaving it out may change everything)".into(),
+    }
 }
 
 /// Four significant digits.

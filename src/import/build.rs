@@ -283,7 +283,7 @@ impl<'a> Builder<'a> {
             false => vdb::hex(self.volumes.iter().fold(Sha256::new_with_prefix(source_hash), |all, (_, hash)| all.chain_update(hash))),
         };
         let volumes = self.volumes.into_iter().map(|(path, _)| path).collect();
-        Ok(Layout { scene: self.scene, findings: self.findings, notes: self.notes, source_hash, volumes })
+        Ok(Layout { scene: self.scene, sky: self.scene_spec.sky, findings: self.findings, notes: self.notes, source_hash, volumes })
     }
 
     fn nothing_found(&self) -> Error {

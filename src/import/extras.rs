@@ -5,6 +5,7 @@ use super::{
     at::At,
     detail::{self, Asked},
     medium::MediumSpec,
+    sky::{self, SkySpec},
 };
 use crate::{
     Result,
@@ -56,12 +57,11 @@ pub(super) struct Spec {
 }
 
 /// `extras.cloudvdb` of the scene.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct SceneSpec {
     pub medium: MediumSpec,
     pub sun_angle: Option<f64>,
-    /// The sky's radiance, W m^-2 sr^-1, RGB.
-    pub sky: Option<[f64; 3]>,
+    pub sky: Option<SkySpec>,
     pub detail: Option<Asked>,
     pub air: Option<Air>,
 }
@@ -119,8 +119,7 @@ pub(super) fn scene_spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>
         Some(angle) => return Err(fields.wrong("sun_angle", angle.to_string(), "an angle in radians from 0 to below pi".into())),
         None => None,
     };
-    let sky = fields.rgb("sky")?;
-    sky.iter().flatten().try_for_each(|&v| fields.at_least_zero("sky", v).map(drop))?;
+    let sky = map.get("sky").map(|value| sky::read(value, at, notes)).transpose()?;
     let air = map.get("atmosphere").map(|value| air::read(value, at, notes)).transpose()?;
     Ok(SceneSpec { medium, sun_angle, sky, detail: detail::read(&fields)?, air })
 }

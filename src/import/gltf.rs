@@ -30,7 +30,6 @@ pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions, 
         builder.scene_spec = extras::scene_spec(scene.extras.as_ref(), at, &mut builder.notes)?;
     }
     let visits = walk::walk(file, root, &roots, options.regions.as_deref())?;
-    builder.scene.sky = builder.scene_spec.sky.unwrap_or_default();
     builder.scene.air = builder.scene_spec.air.unwrap_or_default();
     builder.summarise(&visits);
     for visit in &visits {

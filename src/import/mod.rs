@@ -31,6 +31,7 @@ mod mesh;
 mod metaballs;
 mod region;
 mod settle;
+pub mod sky;
 mod vdb;
 mod volume;
 mod walk;
@@ -44,6 +45,7 @@ use crate::{
 };
 use std::path::{Path, PathBuf};
 
+use sky::SkySpec;
 pub use vdb::others;
 
 /// What the user may ask of an import.
@@ -58,6 +60,8 @@ pub struct ImportOptions {
     pub grid: Option<String>,
     /// What replaces the file's own media, sun and sky.
     pub overrides: Overrides,
+    /// `--sky`: the sky in place of the file's, where it is not even.
+    pub sky: Option<SkySpec>,
     /// `--detail`: the detail of every region that can have one, in place of what the file says; `Some(None)` takes it away.
     pub detail: Option<Option<DetailRequest>>,
     /// `--voxel-size`: of what becomes voxels, m.
@@ -73,6 +77,7 @@ impl Default for ImportOptions {
             mesh_volumes: false,
             grid: None,
             overrides: Overrides::default(),
+            sky: None,
             detail: None,
             voxel_size: None,
             max_voxels: MAX_VOXELS,
@@ -115,6 +120,8 @@ pub struct Finding {
 pub struct Layout {
     /// What light will travel through: Z up, metres.
     pub scene: Scene,
+    /// The sky as the file spells it, which is laid over the scene.
+    pub(crate) sky: Option<SkySpec>,
     /// What became of each node, in the order of the file's tree.
     pub findings: Vec<Finding>,
     /// Warnings and assumptions, each a sentence.
@@ -152,5 +159,10 @@ pub fn load(path: &Path, options: &ImportOptions, progress: &dyn Progress) -> Re
         gltf::layout(path, &container::read(path)?, options, progress)?
     };
     options.overrides.apply(&mut layout.scene).map_err(|e| e.of_file(path))?;
+    // A clear sky goes with the sun that the scene has now.
+    let sky = options.sky.as_ref().or(layout.sky.as_ref().filter(|_| options.overrides.sky.is_none()));
+    if let Some(sky) = sky {
+        sky.lay(&mut layout.scene, &mut layout.notes).map_err(|e| e.of_file(path))?;
+    }
     Ok(layout)
 }

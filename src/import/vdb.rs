@@ -78,7 +78,7 @@ fn regions(path: &Path, options: &ImportOptions) -> Result<Layout> {
     }
     fill(&mut scene.regions, &open, &facts, options, &mut notes);
     scene.sun = sun(&facts, options, &mut findings, &mut notes);
-    Ok(Layout { scene, findings, notes, source_hash: String::new(), volumes: Vec::new() })
+    Ok(Layout { scene, sky: None, findings, notes, source_hash: String::new(), volumes: Vec::new() })
 }
 
 /// The grids of a `.vdb` that are no regions, to be written beside what becomes of those.

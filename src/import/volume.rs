@@ -34,7 +34,7 @@ impl Builder<'_> {
         }
         region::check_zero(&world, at)?;
         let spelt = spec.file.as_deref().unwrap_or_default();
-        let path = named(self.file, spelt, at)?;
+        let path = named(self.file, spelt, at, (FILE, "the path of an OpenVDB file"))?;
         let of_node = |error: Error| at_node(error, spelt, at);
         let file = VdbFile::open(&path).map_err(of_node)?;
         let name = spec.grid.as_deref().unwrap_or(DENSITY);
@@ -70,12 +70,11 @@ impl Builder<'_> {
     }
 }
 
-/// The path of the VDB that a node names: relative ones begin in the folder of the glTF file.
-fn named(layout: &Path, spelt: &str, at: At) -> Result<PathBuf> {
-    const PATH: &str = "the path of an OpenVDB file, from the folder of the glTF file";
-    let wrong = |found: String, fix: &str| Err(at.error(FILE, found, PATH, fix));
+/// The path of a file that a glTF file names: relative ones begin in its folder. With the key that names it, and what it is.
+pub(super) fn named(layout: &Path, spelt: &str, at: At, (key, what): (&str, &str)) -> Result<PathBuf> {
+    let wrong = |found: String, fix: &str| Err(at.error(key, found, format!("{what}, from the folder of the glTF file"), fix));
     if spelt.trim().is_empty() {
-        return wrong("missing".into(), "Add \"file\": \"smoke.vdb\" to the custom property `cloudvdb`");
+        return wrong("missing".into(), "Name the file in the custom property `cloudvdb`, as in \"file\": \"smoke.vdb\"");
     }
     if let Some(scheme) = scheme(spelt).filter(|scheme| scheme.len() > 1) {
         return wrong(format!("{spelt:?}, a URL ({scheme}:)"), "Copy the file beside the glTF file and name it by its path");
@@ -87,10 +86,10 @@ fn named(layout: &Path, spelt: &str, at: At) -> Result<PathBuf> {
     let path = layout.parent().unwrap_or(Path::new("")).join(spelt);
     match std::fs::metadata(&path) {
         Ok(about) if about.is_file() => Ok(path),
-        Ok(_) => wrong(format!("{spelt:?}, which is no file"), "Name the VDB itself"),
+        Ok(_) => wrong(format!("{spelt:?}, which is no file"), "Name the file itself"),
         Err(error) => wrong(
             format!("{spelt:?}, which cannot be read as {} ({error})", path.display()),
-            "Put the VDB there, or name it by its path from there",
+            "Put the file there, or name it by its path from there",
         ),
     }
 }

@@ -34,7 +34,7 @@ use crate::photon::{Model, Tracer};
 use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::Rng;
-use crate::sampling::cosine_hemisphere;
+use crate::sampling::{cosine_hemisphere, cosine_hemisphere_pdf};
 use crate::scene::{Camera, Region, Scene, medium::luminance};
 use basis::Basis;
 pub use basis::harmonics;
@@ -217,7 +217,7 @@ impl Channel {
     /// What arrives along a camera ray, or from the sky behind.
     fn radiance(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
         let tracer = &self.tracer;
-        let (mut ray, mut reach) = (view.ray, view.reach);
+        let (mut ray, mut reach, mut own) = (view.ray, view.reach, f64::INFINITY);
         let (mut arrival, mut throughput, mut layer) = (Arrival::default(), Vec3::ONE, Layer::Environment);
         loop {
             let hit = tracer.surfaces.nearest(&ray, reach);
@@ -244,7 +244,7 @@ impl Channel {
             }
             throughput *= stretch.clear * tracer.bands[0].air.transmittance(&ray, hit.map_or(reach, |h| h.t));
             let Some(hit) = hit else {
-                arrival.light[layer as usize] += throughput * tracer.sky;
+                arrival.light[layer as usize] += throughput * tracer.sky.met(ray.direction, own);
                 return arrival;
             };
             layer = Layer::Surface;
@@ -255,12 +255,14 @@ impl Channel {
             }
             let p = hit.off(&ray);
             let light = tracer.on_surface(&tracer.bands[0], p, &hit, rng, &mut room.scratch);
-            arrival.light[layer as usize] += throughput * light;
+            let sky = tracer.sky_on_surface(&tracer.bands[0], p, &hit, rng, &mut room.scratch);
+            arrival.light[layer as usize] += throughput * (light + sky);
             if rng.uniform_f32() >= kept {
                 return arrival;
             }
             throughput /= kept;
             ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
+            own = cosine_hemisphere_pdf(ray.direction.dot(hit.normal)).into();
             reach = f32::INFINITY;
         }
     }

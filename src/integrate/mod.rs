@@ -8,6 +8,7 @@ mod lens;
 mod lobe;
 mod path;
 pub mod photon;
+mod skylight;
 mod sunlight;
 mod tile;
 

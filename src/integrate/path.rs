@@ -2,20 +2,21 @@
 //!
 //! No step is cut and nothing is interpolated: media are crossed by [`Media::fly`](crate::media::Media::fly), air by a flight of its
 //! own of which the shorter counts, the sun's disc
-//! is sampled, the sky is met by leaving. Roulette begins where throughput has fallen below [`DIM`]; what it kills and what
+//! is sampled, the sky is met by leaving, and looked for where it has bright spots. Roulette begins where throughput has fallen below [`DIM`]; what it kills and what
 //! it keeps balance in the mean.
 
 use super::band::{Band, bands};
 use super::lens::View;
+use super::skylight::Skylight;
 use super::sunlight::Sunlight;
 use super::tile::{Arrival, Layer, Transport};
 use crate::geom::Ray;
 use crate::media::{Flight, Scratch, air::Spectrum};
 use crate::plan::{EffectName, Plan};
 use crate::rng::Rng;
-use crate::sampling::{around, cosine_hemisphere};
+use crate::sampling::{around, cosine_hemisphere, cosine_hemisphere_pdf};
 use crate::scene::Scene;
-use crate::scene::phase::sample_henyey_greenstein;
+use crate::scene::phase::{henyey_greenstein, one_minus_cos, sample_henyey_greenstein};
 use crate::trimesh::{Hit, TriMesh};
 use glam::{DVec3, Vec3};
 
@@ -32,7 +33,7 @@ pub(super) struct PathTracer {
     /// Of each surface.
     pub albedos: Vec<Vec3>,
     pub sun: Sunlight,
-    pub sky: Vec3,
+    pub sky: Skylight,
     /// Collisions with regions after which a path ends.
     orders: u64,
     /// Whether surfaces light regions, and regions shade surfaces.
@@ -53,7 +54,7 @@ impl PathTracer {
             surfaces: TriMesh::new(&meshes, origin),
             albedos: scene.surfaces.iter().map(|s| colour(s.albedo)).collect(),
             sun: Sunlight::new(&scene.sun, plan.on(EffectName::SunDisc)),
-            sky: colour(scene.sky),
+            sky: Skylight::new(scene),
             orders: plan.orders.map_or(MOST_COLLISIONS, u64::from),
             bounces: plan.on(EffectName::SurfaceBounce),
             shades: plan.on(EffectName::CloudShadow),
@@ -68,6 +69,8 @@ impl PathTracer {
         let (mut hint, mut reach) = (0.0, reach);
         // What of the sunlight at the next collision is left to this path, the rest being found by a look sunward.
         let (mut share, mut order) = (1.0, 0);
+        // The density with which the last event drew this direction; the camera's is the only one.
+        let mut own = f64::INFINITY;
         let mut spectrum = Spectrum::draw(&band.air, rng);
         loop {
             let tau = rng.optical_depth();
@@ -87,8 +90,12 @@ impl PathTracer {
                 throughput *= air.albedo;
                 ray.origin = ray.at(distance);
                 arrival.light[layer as usize] += throughput * self.sun.in_air(band, &self.surfaces, &ray, air, rng, scratch);
+                let before = ray.direction;
+                let sent = |toward| air.scattering.value(one_minus_cos(before, toward));
+                arrival.light[layer as usize] += throughput * self.sky.look(band, &self.surfaces, ray.origin, sent, rng, scratch);
                 let (cos, sin) = air.scattering.sample(rng.uniform());
-                ray.direction = around(ray.direction, cos as f32, sin as f32, rng.uniform_f32());
+                ray.direction = around(before, cos as f32, sin as f32, rng.uniform_f32());
+                own = if self.sky.peaked() { sent(ray.direction) } else { own };
                 (hint, share) = (0.0, 1.0);
             } else if let Some(hit) = hit {
                 layer = layer.then(Layer::Surface);
@@ -100,7 +107,9 @@ impl PathTracer {
                 throughput *= albedo;
                 let p = hit.off(&ray);
                 arrival.light[layer as usize] += throughput * self.on_surface(band, p, &hit, rng, scratch);
+                arrival.light[layer as usize] += throughput * self.sky_on_surface(band, p, &hit, rng, scratch);
                 ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
+                own = cosine_hemisphere_pdf(ray.direction.dot(hit.normal)).into();
                 (hint, share) = (0.0, 1.0);
             } else if let Flight::Collision { distance, region, sigma_t } = flight {
                 order += 1;
@@ -123,11 +132,16 @@ impl PathTracer {
                     arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * light;
                 }
                 let before = ray.direction;
+                if self.sky.peaked() {
+                    let sent = |toward| henyey_greenstein(g, one_minus_cos(before, toward));
+                    arrival.light[layer as usize] += throughput * self.sky.look(band, &self.surfaces, ray.origin, sent, rng, scratch);
+                }
                 let (cos, sin) = sample_henyey_greenstein(g, rng.uniform());
                 ray.direction = around(before, cos as f32, sin as f32, rng.uniform_f32());
+                own = if self.sky.peaked() { henyey_greenstein(g, one_minus_cos(before, ray.direction)) } else { own };
                 share = rivals.map_or(1.0, |r| self.sun.share(&r, before, ray.direction));
             } else {
-                arrival.light[layer as usize] += throughput * self.sky;
+                arrival.light[layer as usize] += throughput * self.sky.met(ray.direction, own);
                 return arrival;
             }
             reach = f32::INFINITY;
@@ -148,6 +162,12 @@ impl PathTracer {
     /// The sunlight that a white surface sends out from `p` (radiance).
     pub(super) fn on_surface(&self, band: &Band, p: Vec3, hit: &Hit, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
         self.sun.on_surface(band, &self.surfaces, (p, self.shades), hit, rng, scratch)
+    }
+
+    /// What of the sky's light a white surface sends out from `p` (radiance) that looks find.
+    pub(super) fn sky_on_surface(&self, band: &Band, p: Vec3, hit: &Hit, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
+        let sent = |toward: Vec3| cosine_hemisphere_pdf(toward.dot(hit.normal).max(0.0)).into();
+        self.sky.look(band, &self.surfaces, p, sent, rng, scratch)
     }
 
     /// The sunlight that the next collision along `ray` scatters back along it, times `share`.

@@ -28,6 +28,7 @@ use gather::Gather;
 use glam::{DVec3, Vec3};
 use march::Stretch;
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Where stored photons are looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
@@ -207,6 +208,7 @@ pub(super) fn channels_of(scene: &Scene, model: Model) -> Vec<(Cow<'_, Scene>, V
     let same = |c: [f64; 3]| c[0] == c[1] && c[1] == c[2];
     if scene.regions.iter().all(|r| r.medium.is_grey())
         && scene.air.is_grey()
+        && scene.dome.as_ref().is_none_or(|dome| dome.has_one_colour())
         && (scene.surfaces.iter().all(|s| same(s.albedo)) || model == Model::Hura2006)
     {
         return vec![(Cow::Borrowed(scene), Vec3::ONE, tint)];
@@ -231,6 +233,7 @@ fn with(scene: &Scene, medium: &dyn Fn(&Medium) -> Medium, of: &dyn Fn([f64; 3])
         surfaces: scene.surfaces.iter().map(|s| Surface { albedo: of(s.albedo), ..s.clone() }).collect(),
         sun: Sun { irradiance: of(scene.sun.irradiance), ..scene.sun },
         sky: of(scene.sky),
+        dome: scene.dome.as_ref().and_then(|dome| dome.coloured(of)).map(Arc::new),
         air: scene.air.coloured(of),
         camera: scene.camera,
         wishes: scene.wishes,
@@ -289,7 +292,7 @@ impl Channel {
             }
             throughput *= stretch.clear as f32;
             let Some(hit) = hit else {
-                arrival.light[layer as usize] += throughput * tracer.sky;
+                arrival.light[layer as usize] += throughput * tracer.sky.seen(ray.direction);
                 return arrival;
             };
             layer = Layer::Surface;

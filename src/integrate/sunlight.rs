@@ -132,7 +132,7 @@ impl Sunlight {
 
 /// The share of light, by channel, that arrives at `p` from direction `toward`, far away; an unbiased estimate. `weight` as in
 /// [`Media::sunlight`](crate::media::Media::sunlight).
-fn visible(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3, weight: f32, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
+pub(super) fn visible(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3, weight: f32, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
     let clear = past(band, surfaces, p, toward);
     if clear == Vec3::ZERO { clear } else { clear * band.media.sunlight(p, toward, weight, rng, scratch) as f32 }
 }

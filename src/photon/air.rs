@@ -127,6 +127,12 @@ impl Tracer {
         (once, Ray { direction: around(ray.direction, cos as f32, sin as f32, rng.uniform_f32()), ..ray })
     }
 
+    /// The sky's radiance in a direction; its luminance where photons have no colour.
+    fn sky_at(&self, direction: Vec3) -> DVec3 {
+        let light = self.dome.as_ref().map_or(self.sky_radiance, |dome| dome.radiance(direction).as_dvec3());
+        if self.tints().is_some() { light } else { DVec3::splat(luminance(light.to_array())) }
+    }
+
     /// A direction to the sun's disc, and the irradiance that arrives from it, by channel.
     fn sun_at(&self, p: Vec3, rng: &mut Rng, scratch: &mut Scratch) -> (Vec3, DVec3) {
         let (axis, sin_alpha) = (self.emitter.axis, self.emitter.sin_alpha);
@@ -169,8 +175,8 @@ impl Tracer {
                 }
                 ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
             } else {
-                let sky = if reach.is_finite() || !counts { 0.0 } else { self.sky_radiance };
-                return light + throughput * self.tints().map_or(Vec3::ONE, |tints| tints.sky).as_dvec3() * sky;
+                let sky = if reach.is_finite() || !counts { DVec3::ZERO } else { self.sky_at(ray.direction) };
+                return light + throughput * sky;
             }
             let brightest = throughput.max_element();
             if brightest < DIM {

@@ -25,9 +25,9 @@ pub(super) enum Colours {
 /// What tints photons.
 #[derive(Debug, Clone)]
 pub(super) struct Tints {
-    /// The sun's and the sky's colours, of luminance 1.
+    /// The sun's and the sky's colours, of luminance 1; the sky's where it has one alone.
     pub sun: Vec3,
-    pub sky: Vec3,
+    pub sky: Option<Vec3>,
     /// Of each surface, and of each region: the albedo over the strongest channel's.
     pub surfaces: Vec<Vec3>,
     pub regions: Vec<Vec3>,
@@ -61,7 +61,8 @@ impl Colours {
         };
         let (sun, sky) = (tint(scene.sun.irradiance), tint(scene.sky));
         let (sunny, overcast) = (luminance(scene.sun.irradiance) > 0.0, luminance(scene.sky) > 0.0);
-        let alike = !sunny || !overcast || (sun - sky).abs().max_element() <= 1e-9;
+        let one = scene.dome.as_ref().is_none_or(|dome| dome.has_one_colour());
+        let alike = one && (!sunny || !overcast || (sun - sky).abs().max_element() <= 1e-9);
         let grey = scene.regions.iter().all(|r| r.medium.is_grey()) && scene.surfaces.iter().all(|s| same(s.albedo)) && scene.air.is_grey();
         let (sun, sky) = (sun.as_vec3(), sky.as_vec3());
         if alike && grey {
@@ -74,7 +75,7 @@ impl Colours {
         let albedo = |r: &crate::scene::Region| r.medium.albedo_rgb();
         Colours::Riding(Tints {
             sun,
-            sky,
+            sky: one.then_some(sky),
             surfaces: scene.surfaces.iter().map(|s| share(s.albedo)).collect(),
             regions: scene.regions.iter().map(|r| share(albedo(r))).collect(),
             kept: scene.regions.iter().map(|r| albedo(r).into_iter().fold(0.0, f64::max)).collect(),

@@ -1,20 +1,23 @@
-//! Photons of an even sky: from all directions alike, aimed at the regions and at what surfaces may send toward them.
+//! Photons of the sky: from all directions as its light comes, aimed at the regions and at what surfaces may send toward them.
 
 use super::emit::{Start, aside, reach};
 use super::eye::Eye;
 use crate::geom::{Ray, basis};
 use crate::rng::Rng;
 use crate::sampling::uniform_sphere;
-use crate::scene::Scene;
 use crate::scene::medium::luminance;
+use crate::scene::{Dome, Scene};
 use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// The sky, compiled.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Sky {
-    /// W m^-2 sr^-1.
+    /// The mean, W m^-2 sr^-1.
     radiance: f64,
+    /// By direction, where it is not even.
+    dome: Option<Arc<Dome>>,
     /// The regions' bounding sphere, around the origin, m.
     radius: f32,
     /// How far upstream lies everything, surfaces included, m.
@@ -32,7 +35,14 @@ impl Sky {
             return None;
         }
         let everything = scene.surfaces.iter().fold(bounds, |b, s| b.union(s.mesh.bounds()));
-        Some(Sky { radiance, radius: reach(bounds, origin), far: reach(everything, origin), beside: bounces && !scene.surfaces.is_empty() })
+        let dome = scene.dome.clone();
+        Some(Sky {
+            radiance,
+            dome,
+            radius: reach(bounds, origin),
+            far: reach(everything, origin),
+            beside: bounces && !scene.surfaces.is_empty(),
+        })
     }
 
     /// The power of the light that meets the regions' bounding sphere, W.
@@ -42,9 +52,23 @@ impl Sky {
 
     /// Starts one photon. Where light beside the regions counts, it starts the more seldom the farther from them, as what ground there can
     /// send back falls ([`aside`]).
+    /// Its colour is that of the light from there, of luminance 1.
     pub fn emit(&self, rng: &mut Rng, eye: Option<&Eye>) -> Start {
-        let (direction, density) = Eye::mixed(eye, rng, uniform_sphere, |_| 1.0 / (4.0 * PI));
+        let others = |rng: &mut Rng| match &self.dome {
+            Some(dome) => -dome.sample(rng.uniform_f32(), rng.uniform_f32()).0,
+            None => uniform_sphere(rng),
+        };
+        let density = |direction: Vec3| self.dome.as_ref().map_or(1.0 / (4.0 * PI), |dome| dome.density_of(-direction).into());
+        let (direction, density) = Eye::mixed(eye, rng, others, density);
         let direction = direction.normalize();
+        let (radiance, tint) = match &self.dome {
+            None => (self.radiance, Vec3::ONE),
+            Some(dome) => {
+                let light = dome.radiance(-direction);
+                let grey = luminance(light.as_dvec3().to_array());
+                (grey, if grey > 0.0 { light / grey as f32 } else { Vec3::ONE })
+            }
+        };
         let (u, v) = basis(direction);
         let (p, pdf) = if self.beside {
             aside(self.radius, rng)
@@ -54,8 +78,8 @@ impl Sky {
             (Vec2::new((rho * cos) as f32, (rho * sin) as f32), 1.0 / (PI * f64::from(self.radius).powi(2)))
         };
         // Beyond all surfaces nothing sends light back.
-        let power = if p.length() > self.far { 0.0 } else { self.radiance / (density * pdf) };
+        let power = if p.length() > self.far { 0.0 } else { radiance / (density * pdf) };
         let origin = u * p.x + v * p.y - direction * self.far;
-        Start { ray: Ray { origin, direction }, power, tint: Vec3::ONE, counted: false, scattered: true, from_air: false }
+        Start { ray: Ray { origin, direction }, power, tint, counted: false, scattered: true, from_air: false }
     }
 }

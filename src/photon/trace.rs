@@ -19,7 +19,7 @@ use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
 use crate::sampling::around;
-use crate::scene::{Air, Region, Scene, Shape, medium::luminance};
+use crate::scene::{Air, Dome, Region, Scene, Shape, medium::luminance};
 use crate::stats::{Estimate, Ratios};
 use crate::trimesh::TriMesh;
 use branch::Branch;
@@ -27,6 +27,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use smallvec::SmallVec;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Paths in a batch: the item that has a stream of random numbers of its own.
 const BATCH_PATHS: u64 = 128;
@@ -115,7 +116,8 @@ pub struct Tracer {
     pub(super) albedos: Vec<f64>,
     pub(super) emitter: Emitter,
     sky: Option<Sky>,
-    pub(super) sky_radiance: f64,
+    pub(super) sky_radiance: DVec3,
+    pub(super) dome: Option<Arc<Dome>>,
     pub(super) colours: Colours,
     pub(super) eye: Option<Eye>,
     model: Model,
@@ -151,7 +153,8 @@ impl Tracer {
             albedos: scene.surfaces.iter().map(|s| if bounces { luminance(s.albedo).clamp(0.0, 1.0) } else { 0.0 }).collect(),
             emitter: Emitter::new(scene, origin, plan.on(EffectName::SunDisc), bounces),
             sky: Sky::of(scene, origin, bounces),
-            sky_radiance: luminance(scene.sky),
+            sky_radiance: DVec3::from_array(scene.sky),
+            dome: scene.dome.clone(),
             colours: Colours::Even(Vec3::ONE),
             eye: None,
             model,

@@ -73,7 +73,7 @@ fn orders(scene: &Scene) -> Orders {
         (true, true) => even * (4.0 * PI * sky / sun + reflected(scene)),
         (false, true) => even * reflected(scene),
         // The sky alone is even.
-        (true, false) if scene.surfaces.is_empty() => 0.0,
+        (true, false) if scene.surfaces.is_empty() && scene.dome.is_none() => 0.0,
         _ => return Orders { tau, terms: None },
     };
     let strength = tau.exp() * (1.0 + others);
@@ -261,6 +261,7 @@ pub(super) fn colour(scene: &Scene) -> Finding {
     let air = scene.air.layers().map(|l| spread(l.sigma_s).max(spread(l.sigma_a))).fold(0.0, f64::max);
     let surfaces = scene.surfaces.iter().map(|s| spread(s.albedo)).fold(0.0, f64::max);
     let lights = spread(scene.sun.irradiance).max(spread(scene.sky));
+    let lights = if scene.dome.as_ref().is_some_and(|dome| !dome.has_one_colour()) { 1.0 } else { lights };
     let figure = media.max(air).max(surfaces).max(lights);
     let reason = if figure > 0.0 {
         format!("colours differ by up to {:.2} % between channels", 100.0 * figure)

@@ -6,6 +6,7 @@
 pub mod air;
 pub mod camera;
 pub mod density;
+pub mod dome;
 pub mod effect;
 pub mod light;
 pub mod medium;
@@ -13,6 +14,7 @@ pub mod mesh;
 pub mod overrides;
 pub mod phase;
 pub mod region;
+pub mod sky;
 pub mod surface;
 pub mod view;
 pub mod voxels;
@@ -20,17 +22,20 @@ pub mod voxels;
 pub use air::Air;
 pub use camera::Camera;
 pub use density::BrickGrid;
+pub use dome::Dome;
 pub use effect::Wishes;
 pub use light::Sun;
 pub use medium::Medium;
 pub use mesh::Mesh;
 pub use overrides::Overrides;
 pub use region::{Region, Shape};
+pub use sky::Sky;
 pub use surface::Surface;
 pub use view::{Framed, View};
 pub use voxels::VoxelGrid;
 
 use crate::geom::Bounds;
+use std::sync::Arc;
 
 /// A whole scene in world space (Z up, metres).
 #[derive(Debug, Clone, Default)]
@@ -41,8 +46,10 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// The only light of the thesis.
     pub sun: Sun,
-    /// The sky's radiance, the same from all directions, W m^-2 sr^-1, RGB.
+    /// The sky's radiance, W m^-2 sr^-1, RGB: the same from all directions, or the mean of the dome.
     pub sky: [f64; 3],
+    /// The sky's radiance by direction, where it is not the same from all.
+    pub dome: Option<Arc<Dome>>,
     /// The air around regions and surfaces.
     pub air: Air,
     /// The camera, where the file has one.

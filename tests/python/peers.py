@@ -6,7 +6,7 @@ A scene is a dict in Blender's frame and in metres:
      "vdb": path, "voxel": h, "sigma", "albedo", "g",                          and/or a grid named density,
      "values": array, "origin": centre of values[0, 0, 0],                     what is in it (for Mitsuba),
      "place": 4 x 4, laid on the grid by the file's transform, or None,
-     "sun": {"direction", "irradiance", "angle"}, "sky": radiance,
+     "sun": {"direction", "irradiance", "angle"}, "sky": radiance, "sky_image": path of an EXR in its place, or None,
      "ground": {"z", "albedo", "half_size"} or None,
      "haze": {"sigma", "albedo", "g", "base", "top", "half_size"} or None,     even air; ours knows no half size
      "camera": {"position", "look_at", "fov_x"}, "width", "height"}
@@ -109,7 +109,10 @@ parts["sensor"] = {"type": "perspective", "fov": math.degrees(eye["fov_x"]), "fo
     "film": {"type": "hdrfilm", "width": s["width"], "height": s["height"], "rfilter": {"type": "box"}, "pixel_format": "rgb"}}
 if s["sun"]["irradiance"] > 0:
     parts["sun"] = {"type": "directional", "direction": s["sun"]["direction"], "irradiance": colour(s["sun"]["irradiance"])}
-if s["sky"] > 0: parts["sky"] = {"type": "constant", "radiance": colour(s["sky"])}
+if s.get("sky_image"):
+    # Mitsuba's own Z, Y and X are our X, Z and Y.
+    parts["sky"] = {"type": "envmap", "filename": s["sky_image"], "to_world": T().rotate([3**-0.5] * 3, 120)}
+elif s["sky"] > 0: parts["sky"] = {"type": "constant", "radiance": colour(s["sky"])}
 if s["ground"]:
     g = s["ground"]
     parts["ground"] = {"type": "rectangle", "to_world": T().translate([0, 0, g["z"]]).scale(g["half_size"]),
@@ -193,7 +196,7 @@ def flags(scene):
     """What a scene says beside its media."""
     sun, eye = scene["sun"], scene["camera"]
     out = ["--sun", numbers(sun["direction"]), "--irradiance", sun["irradiance"], "--sun-angle", sun["angle"],
-           "--sky", scene["sky"], "--camera", numbers(eye["position"]), "--look-at", numbers(eye["look_at"]),
+           "--sky", scene.get("sky_image") or scene["sky"], "--camera", numbers(eye["position"]), "--look-at", numbers(eye["look_at"]),
            "--fov", math.degrees(eye["fov_x"]), "--size", f"{scene['width']}x{scene['height']}"]
     if scene.get("haze"):
         air = scene["haze"]

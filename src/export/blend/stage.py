@@ -33,11 +33,21 @@ def sun(cloud, collection):
 
 
 def sky(cloud, scene):
-    """A sky of the same radiance from everywhere."""
+    """The sky: even, or an image of all directions."""
     world = bpy.data.worlds.new("Sky")
     tree = Tree.of(world)
     background = tree.node("ShaderNodeBackground")
     background.inputs["Color"].default_value = (*cloud["sky"], 1.0)
+    if cloud["dome"]:
+        width, height, texels = (cloud["dome"][key] for key in ("width", "height", "texels"))
+        image = bpy.data.images.new("Sky", width, height, alpha=False, float_buffer=True)
+        image.colorspace_settings.name = "Linear Rec.709"
+        rows = [texels[i * width:(i + 1) * width] for i in reversed(range(height))]
+        image.pixels.foreach_set([channel for row in rows for texel in row for channel in (*texel, 1.0)])
+        image.pack()
+        texture = tree.node("ShaderNodeTexEnvironment")
+        texture.image = image
+        tree.put(texture.outputs["Color"], background.inputs["Color"])
     tree.put(background.outputs[0], tree.node("ShaderNodeOutputWorld").inputs["Surface"])
     scene.world = world
 

@@ -4,6 +4,7 @@
 
 mod air;
 mod fit;
+mod sky;
 
 use super::*;
 use crate::integrate::photon::PhotonSettings;

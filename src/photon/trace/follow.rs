@@ -38,14 +38,14 @@ impl Tracer {
     pub fn strongest(&self) -> f64 {
         let (sky, air) = (self.share_of_sky(), self.share_of_air());
         let sun = if sky < 1.0 { self.emitter.base_power() / ((1.0 - sky) * (1.0 - air)) } else { 0.0 };
-        let sky = self.sky.map_or(0.0, |light| light.power() / (sky * (1.0 - air)));
+        let sky = self.sky.as_ref().map_or(0.0, |light| light.power() / (sky * (1.0 - air)));
         self.colours.most() * sun.max(sky).max(self.air_light.map_or(0.0, |light| light.power / air))
     }
 
     /// The share of paths of [`Tracer::follow`] that start in air.
     fn share_of_air(&self) -> f64 {
         let Some(light) = self.air_light else { return 0.0 };
-        let other = self.emitter.base_power() + self.sky.map_or(0.0, |sky| sky.power());
+        let other = self.emitter.base_power() + self.sky.as_ref().map_or(0.0, |sky| sky.power());
         (light.power / (light.power + other)).clamp(0.1, 0.8)
     }
 
@@ -63,8 +63,11 @@ impl Tracer {
             let start = light.emit(self, rng, scratch);
             return Start { power: start.power / shares.1, ..start };
         }
-        let (start, share, tint) = match self.sky.filter(|_| shares.0 > 0.0 && rng.uniform() < shares.0) {
-            Some(sky) => (sky.emit(rng, self.eye.as_ref()), shares.0, self.tints().map(|tints| tints.sky)),
+        let (start, share, tint) = match self.sky.as_ref().filter(|_| shares.0 > 0.0 && rng.uniform() < shares.0) {
+            Some(sky) => {
+                let start = sky.emit(rng, self.eye.as_ref());
+                (start, shares.0, self.tints().map(|tints| tints.sky.unwrap_or(start.tint)))
+            }
             None => (self.emitter.emit(rng, &self.surfaces, along), 1.0 - shares.0, self.tints().map(|tints| tints.sun)),
         };
         let upstream = Ray { direction: -start.ray.direction, ..start.ray };

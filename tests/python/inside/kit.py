@@ -94,11 +94,16 @@ def principled(volume, density, colour, absorption=(0, 0, 0), anisotropy=0.0):
     return shader
 
 
-def sky(radiance):
+def sky(radiance, image=None):
     world = bpy.context.scene.world = bpy.data.worlds.new("World")
     world.use_nodes = True
     background = world.node_tree.nodes.get("Background") or world.node_tree.nodes.new("ShaderNodeBackground")
     background.inputs[0].default_value, background.inputs[1].default_value = (1, 1, 1, 1), radiance
+    if image:
+        texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+        texture.image = bpy.data.images.load(image)
+        background.inputs["Strength"].default_value = 1.0
+        world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
 
 
 def settings(width, height, samples, bounces=0, step_rate=0.5, seed=1):
@@ -159,7 +164,7 @@ def stage(described):
         light.data.angle = described["sun"]["angle"]
     eye = described["camera"]
     camera(eye["position"], eye["look_at"], angle=eye["fov_x"]).data.sensor_fit = "HORIZONTAL"
-    sky(described["sky"])
+    sky(described["sky"], described.get("sky_image"))
     if described.get("ground"):
         ground = described["ground"]
         bpy.ops.mesh.primitive_plane_add(size=2 * ground["half_size"], location=(0, 0, ground["z"]))
