@@ -27,7 +27,7 @@ pub use bake::Baking;
 pub use balance::{Balance, BalanceJob, balance};
 pub use format::{Format, check_gather, usual_density};
 pub use pass1::Pass1;
-pub use picture::{Goal, Picture, lit, take, take_to};
+pub use picture::{Goal, Picture, gridless, lit, take, take_to};
 
 /// One run: what to read, what to do, what to write.
 #[derive(Debug, Clone)]

@@ -21,6 +21,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 use thesis::{CUMULUS, SIZE, TESTS, Test};
 
+pub mod accuracy;
 mod files;
 mod one;
 mod savings;

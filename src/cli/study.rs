@@ -1,24 +1,37 @@
-//! `cloudvdb study`: the thesis's evaluation again.
+//! `cloudvdb study`: what accuracy costs in a scene; and the thesis's evaluation again.
 
 use super::args::{GatherArgument, Manners, ModelArgument, ProgressStyle};
-use super::scene::size;
+use super::scene::SceneArguments;
 use super::{event, print, say, watched};
 use crate::error::Error;
+use crate::study::accuracy::{self, Against, against};
 use crate::study::thesis::CUMULUS;
 use crate::study::{Job, Part, study};
 use clap::Args;
 use std::path::PathBuf;
 
+/// Pixels of the cumulus of --paper, for which the thesis gives no size.
+const CUMULUS_SIZE: [u32; 2] = [320, 240];
+
 /// The arguments of `study`.
 #[derive(Debug, Args)]
 pub struct StudyArguments {
-    /// The thesis's layouts, in any order: scenes/hura2006*.gltf
-    #[arg(required = true, value_name = "LAYOUT")]
+    /// A scene; with --paper the thesis's layouts, in any order: scenes/hura2006*.gltf
+    #[arg(required = true, value_name = "SCENE")]
     pub inputs: Vec<PathBuf>,
     /// The thesis's tables 3 and 4 and its second research question, beside its own figures
     #[arg(long)]
     pub paper: bool,
-    /// What to run: 1 to 9, cumulus, savings [default: all that the layouts allow]
+    /// Fewer settings, seeds and pixels: under two minutes for most scenes
+    #[arg(long, conflicts_with = "paper")]
+    pub quick: bool,
+    /// A picture by somebody else, with what it took: cycles.exr:58.5:Cycles; repeats
+    #[arg(long, value_name = "EXR:SECONDS[:NAME]", value_parser = against, conflicts_with = "paper")]
+    pub against: Vec<Against>,
+    /// Samples a pixel of each half of the reference [default: 2048, quick 384]
+    #[arg(long, value_name = "N", conflicts_with = "paper", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    pub reference: Option<u32>,
+    /// With --paper, what to run: 1 to 9, cumulus, savings [default: all that the layouts allow]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = part)]
     pub tests: Option<Vec<Part>>,
     /// How the thesis's tests are read: corrected, or to the letter
@@ -27,16 +40,13 @@ pub struct StudyArguments {
     /// Where the cumulus's picture looks for photons [default: march; with --model physical, beam]
     #[arg(long, value_enum)]
     pub gather: Option<GatherArgument>,
-    /// Pixels of the cumulus's picture, for which the thesis gives no size
-    #[arg(long, value_name = "WxH", value_parser = size, default_value = "320x240")]
-    pub size: [u32; 2],
     /// Seeds for which regions are counted, from --seed on
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub seeds: u64,
     /// The seed: the same seed gives the same counts and pictures, on any number of threads
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// A folder for the pictures and tables; it is made where it is not there
+    /// A folder for the pictures, tables and the page; it is made where it is not there, and a study of a scene that was begun in it goes on
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
     /// Replace files that exist
@@ -45,6 +55,9 @@ pub struct StudyArguments {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+    /// The scene, its light and its camera.
+    #[command(flatten)]
+    pub scene: SceneArguments,
     /// Threads, progress, quiet.
     #[command(flatten)]
     pub manners: Manners,
@@ -53,7 +66,7 @@ pub struct StudyArguments {
 /// Runs the study, and prints its tables.
 pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
     if !arguments.paper {
-        return Err(Error::Usage("say which study: --paper, the thesis's own, is the only one so far".into()));
+        return accuracy(arguments);
     }
     let watch = watched(&arguments.manners, false)?;
     let job = Job {
@@ -61,7 +74,7 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
         parts: arguments.tests.clone(),
         model: arguments.model.into(),
         gather: arguments.gather.map(Into::into),
-        size: arguments.size,
+        size: arguments.scene.size.unwrap_or(CUMULUS_SIZE),
         seed: arguments.seed,
         seeds: arguments.seeds,
         output: arguments.output.clone(),
@@ -82,6 +95,40 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
         event(&serde_json::json!({"event": "done", "seconds": findings.seconds}));
     }
     print(if arguments.json { findings.json() + "\n" } else { findings.table() }.as_bytes())
+}
+
+/// What accuracy costs in a scene.
+fn accuracy(arguments: &StudyArguments) -> Result<(), Error> {
+    let ([input], Some(output)) = (&arguments.inputs[..], &arguments.output) else {
+        let reason = "a study is of one scene and goes into a folder: cloudvdb study scene.glb -o study/; with --paper it is of the thesis's layouts";
+        return Err(Error::Usage(reason.into()));
+    };
+    let watch = watched(&arguments.manners, false)?;
+    let job = accuracy::Job {
+        input: input.clone(),
+        import: arguments.scene.import(),
+        view: arguments.scene.view(),
+        quick: arguments.quick,
+        reference: arguments.reference,
+        seed: arguments.seed,
+        output: output.clone(),
+        against: arguments.against.clone(),
+    };
+    let told = |line: &str| {
+        watch.finish();
+        match arguments.manners.progress {
+            _ if arguments.manners.quiet => {}
+            ProgressStyle::Json => event(&serde_json::json!({"event": "line", "text": line})),
+            ProgressStyle::Bar => say(line),
+        }
+    };
+    let result = accuracy::study(&job, &told, &watch);
+    watch.finish();
+    let figures = result?;
+    print(
+        if arguments.json { figures.json() } else { figures.table() + &format!("wrote {}\n", output.join("index.html").display()) }
+            .as_bytes(),
+    )
 }
 
 /// A part of the study by its name.

@@ -57,21 +57,27 @@ impl SkySpec {
     }
 }
 
+/// Columns, rows and texels of the first layer of an EXR image that has R, G and B.
+///
+/// # Errors
+/// Why it cannot be read.
+pub fn read_exr(path: &Path) -> std::result::Result<(usize, usize, Vec<[f32; 3]>), String> {
+    let picture = exr::prelude::read_first_rgba_layer_from_file(
+        path,
+        |size, _| (size.width(), vec![[0.0f32; 3]; size.area()]),
+        |(width, texels), at, (r, g, b, _): (f32, f32, f32, f32)| texels[at.y() * *width + at.x()] = [r, g, b],
+    );
+    let layer = picture.map_err(|error| format!("it cannot be read as an EXR image ({error})"))?.layer_data;
+    Ok((layer.size.width(), layer.size.height(), layer.channel_data.pixels.1))
+}
+
 /// Reads an image of a sky.
 fn image(path: &Path, notes: &mut Vec<String>) -> Result<Dome> {
     let fix = "Name an EXR or HDR image of the whole sky, twice as wide as high";
     let wrong = |reason: String| Error::File { file: path.to_owned(), reason, fix: fix.into() };
     let ending = path.extension().map(|e| e.to_ascii_lowercase());
     let (width, height, mut texels) = match ending.as_ref().and_then(|e| e.to_str()) {
-        Some("exr") => {
-            let picture = exr::prelude::read_first_rgba_layer_from_file(
-                path,
-                |size, _| (size.width(), vec![[0.0f32; 3]; size.area()]),
-                |(width, texels), at, (r, g, b, _): (f32, f32, f32, f32)| texels[at.y() * *width + at.x()] = [r, g, b],
-            );
-            let layer = picture.map_err(|error| wrong(format!("it cannot be read as an EXR image ({error})")))?.layer_data;
-            (layer.size.width(), layer.size.height(), layer.channel_data.pixels.1)
-        }
+        Some("exr") => read_exr(path).map_err(wrong)?,
         Some("hdr") => {
             let read = image::ImageReader::open(path).map_err(image::ImageError::from).and_then(image::ImageReader::decode);
             let picture = read.map_err(|error| wrong(format!("it cannot be read as an HDR image ({error})")))?.to_rgb32f();

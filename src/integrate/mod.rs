@@ -31,7 +31,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use tile::{Done, Tile, Transport};
 
 /// How light is followed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Integrator {
     /// The reference: unbiased path tracing.

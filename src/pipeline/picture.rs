@@ -97,7 +97,7 @@ impl Picture {
 }
 
 /// Why [`Integrator::Grid`] cannot follow the light of some regions, where it cannot.
-pub(super) fn gridless<'a>(regions: impl IntoIterator<Item = &'a Region>, model: Model) -> Option<String> {
+pub fn gridless<'a>(regions: impl IntoIterator<Item = &'a Region>, model: Model) -> Option<String> {
     if let Some(region) = regions.into_iter().find(|r| r.shape.is_endless()) {
         return Some(format!("region {:?} goes on without end, and --integrator grid needs bounds", region.name));
     }

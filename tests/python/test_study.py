@@ -177,3 +177,45 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
 def test_too_thin_a_layout_says_so(tmp_path):
     thin = gltf.scene(tmp_path / "thin.glb", *(gltf.ball(f"Puff{i}", (4.0 * i, 0, 0), sigma_s=1e-6, sigma_a=0.0, g=0) for i in range(3)))
     refuse("study", "--paper", thin, "--tests", "3", says=["thin.glb"], folder=tmp_path)
+
+
+# ------------------------------------------------------------------------------------------ what accuracy costs in a scene
+
+def test_what_accuracy_costs_goes_on_where_it_was_interrupted(tmp_path):
+    """Interrupted and run again, it makes what is missing and nothing twice; the tables are those of the runs."""
+    scene, folder = SCENES / "two_spheres.gltf", tmp_path / "study"
+    asked = ("study", scene, "-o", folder, "--quick", "--size", "24x18", "--reference", 64)
+    lines = folder / "runs.jsonl"
+    interrupt(*asked, when=lambda: lines.exists() and len(lines.read_text().splitlines()) > 4)
+    before = lines.read_text().splitlines()
+    assert 4 < len(before) < 30 and not (folder / "study.csv").exists()
+    ran = succeed(*asked, "--json")
+    found, after = json.loads(ran.out), lines.read_text().splitlines()
+    assert after[:len(before)] == before and len(after) == 1 + 2 + 9 * 3 and len(set(after)) == len(after)
+    assert [(c["integrator"], c["seeds"]) for c in found["cells"]] == [(name, 3) for name in ("path", "grid", "photon") for _ in range(3)]
+    table = rows(folder / "study.csv")
+    assert [float(row["error"]) for row in table] == pytest.approx([max(c["square"], 0) ** 0.5 for c in found["cells"]], abs=1e-5)
+    runs = [json.loads(line) for line in after[1:]]
+    seconds = sorted(run["seconds"] for run in runs if (run["integrator"], run["work"]) == ("grid", 30_000))
+    assert found["cells"][4]["seconds"] == seconds[1]
+    # The path tracer's noise falls as it must.
+    assert abs(found["lines"][0]["noise_falls"] + 1.0) < 0.15
+    page = (folder / "index.html").read_text()
+    assert "<svg" in page and page.count("data:image/png;base64,") == 7 and "http" not in page.replace("http://www.w3.org/2000/svg", "")
+    # Somebody else's picture: one of its own.
+    again = json.loads(succeed(*asked, "--json", "-q", "--against", f"{folder}/pictures/path_64_0.exr:2.5:mine").out)
+    assert again["others"][0]["name"] == "mine" and 0.2 < again["others"][0]["error"] / again["cells"][2]["square"] ** 0.5 < 5
+    assert lines.read_text().splitlines() == after
+
+
+def test_a_study_that_cannot_be_says_why(tmp_path):
+    scene = SCENES / "two_spheres.gltf"
+    taken = tmp_path / "file"
+    taken.write_text("mine")
+    assert "is a file" in refuse("study", scene, "-o", taken, "--quick").err and taken.read_text() == "mine"
+    assert "is of one scene and goes into a folder" in refuse("study", scene).err
+    dark = ("study", scene, "-o", tmp_path / "dark", "--quick", "--size", "8x6", "--reference", 4, "--irradiance", 0)
+    assert "no pixel of the reference receives light" in refuse(*dark).err
+    other = ("study", scene, "-o", tmp_path / "dark", "--quick", "--size", "8x6", "--reference", 4)
+    assert "holds the study of another scene" in refuse(*other).err
+    assert "is not a picture and its seconds" in refuse("study", scene, "-o", tmp_path / "x", "--against", "c.exr").err

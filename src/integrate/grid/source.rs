@@ -111,7 +111,7 @@ fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
     if luminance(sun) <= 0.0 {
         parts[0].2 = sky_tint;
     } else if !alike {
-        parts[0].0 = Cow::Owned(Scene { sky: [0.0; 3], ..scene.clone() });
+        parts[0].0 = Cow::Owned(Scene { sky: [0.0; 3], dome: None, ..scene.clone() });
         let dark = Sun { irradiance: [0.0; 3], ..scene.sun };
         parts.push((Cow::Owned(Scene { sun: dark, ..scene.clone() }), Vec3::ONE, sky_tint));
     }

@@ -1,0 +1,155 @@
+//! `cloudvdb study SCENE`: what accuracy costs in time, by integrator and settings, against a reference of the path tracer.
+//!
+//! Every picture is kept in the folder as it ends, with a line in `runs.jsonl`: a study that was interrupted goes on, and one that is
+//! asked for more makes what is missing. The error of a picture is against two independent halves of the reference, a pixel's as
+//! (I - A)(I - B), which the reference's own noise leaves unbiased ([`figures`]).
+
+mod against;
+mod figures;
+mod page;
+mod plot;
+mod store;
+
+pub use against::{Against, against};
+pub use figures::{Cell, Figures, Line};
+
+use crate::error::{Error, Result};
+use crate::export::report::peak_memory;
+use crate::import::{self, ImportOptions};
+use crate::integrate::Integrator;
+use crate::photon::Model;
+use crate::pipeline::{self, Picture};
+use crate::progress::Progress;
+use crate::regions::Duality;
+use crate::scene::{Framed, Scene, View};
+use std::path::PathBuf;
+use std::time::Instant;
+use store::Store;
+
+/// Pixels in a row, and in a quick study.
+const WIDE: [u32; 2] = [160, 96];
+/// Seeds of each cell.
+const SEEDS: [u64; 2] = [4, 3];
+/// Samples a pixel of the path tracer; photons of the others.
+const SAMPLES: [&[u64]; 2] = [&[4, 16, 64, 256], &[4, 16, 64]];
+const PHOTONS: [&[u64]; 2] = [&[30_000, 100_000, 300_000, 1_000_000], &[10_000, 30_000, 100_000]];
+/// Samples a pixel of the reference's halves, where nobody says.
+const REFERENCE: [u32; 2] = [2048, 384];
+/// The seeds of the halves: none that a cell has.
+const HALVES: [u64; 2] = [1 << 40, (1 << 40) + 1];
+/// Samples a pixel of pictures by photons.
+const SPP: u32 = 16;
+
+/// What to study.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// The scene.
+    pub input: PathBuf,
+    /// How it is read.
+    pub import: ImportOptions,
+    /// The camera and the size, where they are not the scene's or the study's.
+    pub view: View,
+    /// Fewer settings, seeds and pixels.
+    pub quick: bool,
+    /// Samples a pixel of each half of the reference.
+    pub reference: Option<u32>,
+    /// The first seed.
+    pub seed: u64,
+    /// Where pictures, tables and the page go.
+    pub output: PathBuf,
+    /// Pictures by somebody else, to stand beside.
+    pub against: Vec<Against>,
+}
+
+/// Settings of one picture but its seed.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Setting {
+    /// Which integrator.
+    pub integrator: Integrator,
+    /// Samples a pixel of `path`, photons of the others.
+    pub work: u64,
+}
+
+/// Runs what is not there yet, writes the tables, the plot and the page, and gives the figures. `told` gets a line for each picture.
+///
+/// # Errors
+/// Those of the main job; [`Error::Interrupted`], after which the next run goes on; [`Error::Scene`] where no pixel receives light;
+/// [`Error::Write`] where the folder holds the study of another scene, or is none.
+pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<Figures> {
+    let quick = usize::from(job.quick);
+    let layout = import::load(&job.input, &job.import, progress)?;
+    let mut view = job.view;
+    if view.size.is_none() {
+        let framed = view.frame(&layout.scene).map_err(|e| e.of_file(&job.input))?;
+        let high = (f64::from(WIDE[quick]) * f64::from(framed.height) / f64::from(framed.width)).round().max(1.0);
+        view.size = Some([WIDE[quick], high as u32]);
+    }
+    let framed = view.frame(&layout.scene).map_err(|e| e.of_file(&job.input))?;
+    let stage = Stage { scene: &layout.scene, framed: &framed, view };
+    let mut store = Store::open(job, &layout.source_hash, &stage)?;
+    let spp = job.reference.unwrap_or(REFERENCE[quick]).into();
+    let reference = Setting { integrator: Integrator::Path, work: spp };
+    for seed in HALVES {
+        stage.take(reference, seed, &mut store, told, progress)?;
+    }
+    let halves = HALVES.map(|seed| store.picture(reference, seed));
+    let [Some(a), Some(b)] = halves else { return Err(store.lost("the reference")) };
+    let truth = figures::Truth::new(a, b, framed.width as usize).ok_or_else(|| Error::Scene {
+        reason: "no pixel of the reference receives light: there is nothing to be wrong about".into(),
+        fix: "Look at the scene first: cloudvdb SCENE -o look.png".into(),
+    })?;
+    let mut cells = Vec::new();
+    for (integrator, works) in
+        [(Integrator::Path, SAMPLES[quick]), (Integrator::Grid, PHOTONS[quick]), (Integrator::Photon, PHOTONS[quick])]
+    {
+        // Regions without end are for the path tracer.
+        if let Some(reason) = pipeline::gridless(&layout.scene.regions, Model::Physical).filter(|_| integrator != Integrator::Path) {
+            told(&format!("{}: {reason}", figures::name(integrator)));
+            continue;
+        }
+        for &work in works {
+            let setting = Setting { integrator, work };
+            for seed in job.seed..job.seed + SEEDS[quick] {
+                stage.take(setting, seed, &mut store, told, progress)?;
+            }
+            let seeds: Vec<_> = (job.seed..job.seed + SEEDS[quick]).filter_map(|seed| store.run(setting, seed)).collect();
+            cells.push(Cell::new(setting, &seeds, &truth));
+        }
+    }
+    let mut others = Vec::new();
+    for other in &job.against {
+        others.push(against::judge(other, &truth, [framed.width, framed.height])?);
+    }
+    let figures = Figures::new(job, [framed.width, framed.height], spp, truth, cells, others);
+    store.write(&figures)?;
+    Ok(figures)
+}
+
+/// The scene before the camera.
+struct Stage<'a> {
+    scene: &'a Scene,
+    framed: &'a Framed,
+    view: View,
+}
+
+impl Stage<'_> {
+    /// Takes a picture that is not there yet.
+    fn take(&self, setting: Setting, seed: u64, store: &mut Store, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<()> {
+        if store.run(setting, seed).is_some() {
+            return Ok(());
+        }
+        let path = setting.integrator == Integrator::Path;
+        let spp = if path { u32::try_from(setting.work).unwrap_or(u32::MAX) } else { SPP };
+        let photons = if path { 0 } else { setting.work };
+        let picture = Picture { integrator: Some(setting.integrator), spp: Some(spp), view: self.view, ..Picture::default() };
+        let settings = picture.settings(self.scene, self.framed, photons, &Duality { seed, ..Duality::default() });
+        let begun = Instant::now();
+        let (film, render) = pipeline::take(self.scene, self.framed, &settings, None, progress)?;
+        progress.check()?;
+        let seconds = begun.elapsed().as_secs_f64();
+        let stated = render.relative_error;
+        store.add(setting, seed, seconds, peak_memory(), stated, &film)?;
+        told(&format!("{} {:>9} seed {:<3} {:8.2} s", figures::name(setting.integrator), setting.work, seed % HALVES[0], seconds));
+        Ok(())
+    }
+}

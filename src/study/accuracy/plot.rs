@@ -1,0 +1,120 @@
+//! Error against time, as SVG.
+
+use super::figures::{Cell, Figures, GOALS, Line, name};
+use crate::integrate::Integrator;
+use plotters::prelude::*;
+
+/// Colours that the colour-blind tell apart (Okabe and Ito 2008): of `path`, `grid`, `photon`, and of others.
+const COLOURS: [RGBColor; 4] = [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
+const SIZE: (u32, u32) = (960, 640);
+const FONT: &str = "sans-serif";
+
+fn colour(integrator: Integrator) -> RGBColor {
+    match integrator {
+        Integrator::Path => COLOURS[0],
+        Integrator::Grid => COLOURS[1],
+        Integrator::Photon => COLOURS[2],
+    }
+}
+
+/// Draws error against time, both by decades: cells with two standard errors, the lines through them, bias floors, goals, others.
+pub(super) fn error_by_time(figures: &Figures) -> String {
+    let mut text = String::new();
+    // A plot that cannot be drawn is no reason to lose the study.
+    if draw(figures, &mut text).is_err() {
+        text.clear();
+    }
+    text
+}
+
+fn draw(figures: &Figures, into: &mut String) -> Result<(), Box<dyn std::error::Error>> {
+    let shown: Vec<&Cell> = figures.cells.iter().filter(|c| c.error() > 0.0).collect();
+    let times = shown.iter().map(|c| c.seconds).chain(figures.others.iter().map(|o| o.seconds));
+    let errors = shown.iter().map(|c| c.error()).chain(figures.others.iter().map(|o| o.error)).filter(|e| *e > 0.0);
+    let span = |values: &mut dyn Iterator<Item = f64>| values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
+    let ((early, late), (low, high)) = (span(&mut times.into_iter()), span(&mut errors.into_iter()));
+    let (left, right, bottom, top) = (early / 2.0, late * 6.0, (low / 3.0).min(0.004), high * 2.0);
+    let root = SVGBackend::with_string(into, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&root)
+        .caption(format!("{}, {} x {} pixels", figures.scene, figures.size[0], figures.size[1]), (FONT, 22))
+        .margin(16)
+        .x_label_area_size(52)
+        .y_label_area_size(72)
+        .build_cartesian_2d((left..right).log_scale(), (bottom..top).log_scale())?;
+    chart
+        .configure_mesh()
+        .x_desc("time of one picture, s")
+        .y_desc("error of a pixel, relative RMSE")
+        .axis_desc_style((FONT, 18))
+        .label_style((FONT, 15))
+        .light_line_style(BLACK.mix(0.05))
+        .bold_line_style(BLACK.mix(0.15))
+        .x_label_formatter(&|x| number(*x))
+        .y_label_formatter(&|y| format!("{} %", number(100.0 * y)))
+        .draw()?;
+    for goal in GOALS.into_iter().filter(|goal| (bottom..top).contains(goal)) {
+        chart.draw_series(DashedLineSeries::new([(left, goal), (right, goal)], 3, 5, BLACK.mix(0.4).stroke_width(1)))?;
+    }
+    for line in &figures.lines {
+        let colour = colour(line.integrator);
+        let label = format!("{}: noise\u{b2} ~ {}^{:.2}{}", name(line.integrator), unit(line.integrator), line.noise_falls, doubt(line));
+        let at = |i: i32| left * (right / left).powf(f64::from(i) / 200.0);
+        let points = (0..=200).filter_map(|i| Some((at(i), line.error(at(i)).filter(|e| (bottom..top).contains(e))?)));
+        chart
+            .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
+            .label(label)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 24, y)], colour.stroke_width(3)));
+        if line.bias > bottom {
+            let floor = DashedLineSeries::new([(left, line.bias), (right, line.bias)], 8, 4, colour.stroke_width(1));
+            chart.draw_series(floor)?;
+            chart.draw_series([Text::new(
+                format!("{}'s bias", name(line.integrator)),
+                (left * 1.1, line.bias * 1.12),
+                (FONT, 14).into_font().color(&colour),
+            )])?;
+        }
+    }
+    for cell in &shown {
+        let (colour, at) = (colour(cell.setting.integrator), (cell.seconds, cell.error()));
+        let bar = |sign: f64| (cell.square + sign * 2.0 * cell.square_error).max(bottom * bottom).sqrt();
+        chart.draw_series([PathElement::new([(at.0, bar(-1.0)), (at.0, bar(1.0))], colour.stroke_width(2))])?;
+        match cell.setting.integrator {
+            Integrator::Path => drop(chart.draw_series([Circle::new(at, 5, colour.filled())])?),
+            Integrator::Grid => drop(chart.draw_series([TriangleMarker::new(at, 7, colour.filled())])?),
+            Integrator::Photon => drop(chart.draw_series([Cross::new(at, 5, colour.stroke_width(3))])?),
+        }
+    }
+    for other in figures.others.iter().filter(|o| o.error > 0.0) {
+        chart.draw_series([Cross::new((other.seconds, other.error), 6, COLOURS[3].stroke_width(3))])?;
+        chart.draw_series([Text::new(
+            other.name.clone(),
+            (other.seconds * 1.1, other.error * 1.05),
+            (FONT, 15).into_font().color(&COLOURS[3]),
+        )])?;
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperRight)
+        .label_font((FONT, 16))
+        .background_style(WHITE.mix(0.9))
+        .border_style(BLACK.mix(0.3))
+        .draw()?;
+    root.present()?;
+    Ok(())
+}
+
+/// What a setting's work is counted in.
+pub(super) fn unit(integrator: Integrator) -> &'static str {
+    if integrator == Integrator::Path { "samples" } else { "photons" }
+}
+
+fn doubt(line: &Line) -> String {
+    line.noise_falls_error.map_or(String::new(), |e| format!(" \u{b1} {e:.2}"))
+}
+
+/// A number with as many digits as it needs.
+fn number(x: f64) -> String {
+    let text = if x >= 10.0 { format!("{x:.0}") } else { format!("{x:.3}") };
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
+}

@@ -1,0 +1,156 @@
+//! The study's folder: pictures that are done, a line for each, and at the end the tables, the plot and the page.
+
+use super::figures::Figures;
+use super::{Job, Setting, Stage, page, plot};
+use crate::error::{Error, Result};
+use crate::export::staged::{Staged, write_bytes};
+use crate::film::Film;
+use crate::import::sky::read_exr;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+const LINES: &str = "runs.jsonl";
+const PICTURES: &str = "pictures";
+
+/// A picture that is done.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Run {
+    /// Its settings.
+    #[serde(flatten)]
+    pub setting: Setting,
+    /// Its seed.
+    pub seed: u64,
+    /// How long it took.
+    pub seconds: f64,
+    /// The most memory that the process has held so far, bytes.
+    pub peak_memory: u64,
+    /// The relative error that it stated itself.
+    pub stated: Option<f64>,
+}
+
+/// What a folder's lines begin with: whose study it is.
+#[derive(PartialEq, serde::Serialize, serde::Deserialize)]
+struct Head {
+    scene: String,
+    said: String,
+    size: [u32; 2],
+}
+
+/// The folder.
+pub(super) struct Store {
+    folder: PathBuf,
+    runs: Vec<Run>,
+}
+
+impl Store {
+    /// Opens the folder, which is made where it is not there, and reads what it has.
+    pub fn open(job: &Job, source: &str, stage: &Stage) -> Result<Self> {
+        let folder = job.output.clone();
+        let wrong = |reason: String, fix: &str| Err(Error::Write { target: folder.clone(), reason, fix: fix.into() });
+        if folder.exists() && !folder.is_dir() {
+            return wrong("is a file, and a study is written into a folder".into(), "Name a folder: -o study/");
+        }
+        if let Err(e) = std::fs::create_dir_all(folder.join(PICTURES)) {
+            return wrong(format!("cannot be made ({e})"), "Check the permissions of the folder above it");
+        }
+        let said = serde_json::json!([job.import.overrides, format!("{:?}", job.import.sky), format!("{:?}", stage.view)]).to_string();
+        let head = Head { scene: source.into(), said, size: [stage.framed.width, stage.framed.height] };
+        let mut store = Store { folder: folder.clone(), runs: Vec::new() };
+        let text = std::fs::read_to_string(folder.join(LINES)).unwrap_or_default();
+        let mut lines = text.lines();
+        match lines.next().map(serde_json::from_str::<Head>) {
+            None => store.append(&head)?,
+            Some(Ok(known)) if known == head => {}
+            Some(_) => {
+                return wrong(
+                    "holds the study of another scene, or of the same with other flags or another size".into(),
+                    "Name another folder, or remove this one",
+                );
+            }
+        }
+        // A line that was cut is a picture that is made again.
+        store.runs = lines.filter_map(|line| serde_json::from_str(line).ok()).collect();
+        if !text.is_empty() && !text.ends_with('\n') {
+            store.put("\n")?;
+        }
+        Ok(store)
+    }
+
+    fn put(&self, text: &str) -> Result<()> {
+        let path = self.folder.join(LINES);
+        let written =
+            std::fs::OpenOptions::new().create(true).append(true).open(&path).and_then(|mut file| file.write_all(text.as_bytes()));
+        written.map_err(|e| Error::Write {
+            target: path,
+            reason: format!("cannot be written ({e})"),
+            fix: "Check the space and the permissions".into(),
+        })
+    }
+
+    fn append(&self, line: &impl serde::Serialize) -> Result<()> {
+        let text = serde_json::to_string(line).map_err(|e| Error::Write {
+            target: self.folder.clone(),
+            reason: e.to_string(),
+            fix: "Report it".into(),
+        })?;
+        self.put(&(text + "\n"))
+    }
+
+    fn path(&self, setting: Setting, seed: u64) -> PathBuf {
+        let name = super::figures::name(setting.integrator);
+        self.folder.join(PICTURES).join(format!("{name}_{}_{seed}.exr", setting.work))
+    }
+
+    /// A run that is done, with its picture.
+    pub fn run(&self, setting: Setting, seed: u64) -> Option<(Run, Vec<[f32; 3]>)> {
+        let run = self.runs.iter().find(|run| run.setting == setting && run.seed == seed)?;
+        Some((run.clone(), self.picture(setting, seed)?))
+    }
+
+    /// The picture of a run.
+    pub fn picture(&self, setting: Setting, seed: u64) -> Option<Vec<[f32; 3]>> {
+        read_exr(&self.path(setting, seed)).ok().map(|(_, _, texels)| texels)
+    }
+
+    /// What is missing though it was made.
+    pub fn lost(&self, what: &str) -> Error {
+        let fix = "Remove the folder, and study again";
+        Error::Write { target: self.folder.clone(), reason: format!("{what} is not there any more"), fix: fix.into() }
+    }
+
+    /// Keeps a picture.
+    pub fn add(&mut self, setting: Setting, seed: u64, seconds: f64, peak_memory: u64, stated: Option<f64>, film: &Film) -> Result<()> {
+        let mut staged = Staged::default();
+        staged.add(&self.path(setting, seed), |path| exr_of(path, film))?;
+        staged.commit(true)?;
+        let run = Run { setting, seed, seconds, peak_memory, stated };
+        self.append(&run)?;
+        self.runs.push(run);
+        Ok(())
+    }
+
+    /// Writes what the study found.
+    pub fn write(&self, figures: &Figures) -> Result<()> {
+        let drawn = plot::error_by_time(figures);
+        let page = page::page(figures, &drawn);
+        let files = [("study.csv", figures.csv()), ("study.json", figures.json()), ("error.svg", drawn), ("index.html", page)];
+        let mut staged = Staged::default();
+        for (name, text) in files {
+            staged.add(&self.folder.join(name), |path| write_bytes(path, text.as_bytes()))?;
+        }
+        staged.commit(true)
+    }
+}
+
+/// A picture's light as an EXR of three channels.
+fn exr_of(path: &Path, film: &Film) -> Result<()> {
+    let pixel = |x: usize, y: usize| {
+        let [r, g, b] = film.pixels[y * film.width as usize + x].combined();
+        (r, g, b)
+    };
+    exr::prelude::write_rgb_file(path, film.width as usize, film.height as usize, pixel).map_err(|e| Error::Write {
+        target: path.into(),
+        reason: e.to_string(),
+        fix: "Check the space and the permissions".into(),
+    })
+}
