@@ -362,18 +362,28 @@ def test_interrupted_while_writing_voxels(cloudvdb, scenes, tmp_path):
 
 # ---------------------------------------------------------------------------------------------------- repeatability
 
-def test_threads_change_nothing(cloudvdb, layout, tmp_path):
-    written = {}
-    for name, options in {"one": ("--threads", "1"), "two": ("--threads", "2"), "again": ("--threads", "2")}.items():
+@pytest.mark.parametrize("options", [
+    ("--integrator", "path", "--density", "duality"),
+    ("--integrator", "path", "--density", "source", "--bake", "sh1"),
+    ("--integrator", "photon", "--gather", "march"),
+    ("--integrator", "photon", "--gather", "beam"),
+    ("--integrator", "grid", "--bake", "view"),
+], ids=lambda options: "-".join(o.lstrip("-") for o in options))
+def test_threads_change_nothing(cloudvdb, layout, tmp_path, options):
+    """1, 2, 3 and 8 threads, and 2 again: each integrator, every kind of output."""
+    outputs, written = ("out.vdb", "regions.glb", "out.exr", "out.png"), {}
+    for name, threads in {"one": 1, "two": 2, "again": 2, "three": 3, "eight": 8}.items():
         folder = tmp_path / name
         folder.mkdir()
-        report = cloudvdb.make(layout, folder, *FAST, *options, outputs=("out.vdb", "regions.glb"))
-        written[name] = ((folder / "out.vdb").read_bytes(), (folder / "regions.glb").read_bytes(), schema.stable(report.data))
-    for other in ("two", "again"):
-        assert written["one"][1] == written[other][1], f"regions.glb differs: {other}"
-        assert differing(written["one"][0], written[other][0]) == [], f"out.vdb differs: {other}"
-        ours, theirs = (json.dumps(w[2], sort_keys=True).replace(str(tmp_path / n), "") for n, w in (("one", written["one"]), (other, written[other])))
-        assert ours == theirs
+        report = cloudvdb.make(layout, folder, *FAST, *options, "--size", "24x18", "--spp", "2", "--max-voxels", "20k", "--threads", threads,
+                               outputs=outputs)
+        told = json.dumps(schema.stable(report.data), sort_keys=True).replace(str(folder), "")
+        written[name] = [(folder / output).read_bytes() for output in outputs], told
+    files, told = written.pop("one")
+    for other, (theirs, report) in written.items():
+        for name, a, b in zip(outputs, files, theirs):
+            assert differing(a, b) == [], f"{name} differs: {other}"
+        assert told == report, other
 
 
 def differing(a, b):

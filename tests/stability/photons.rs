@@ -1,8 +1,6 @@
 //! Hard cases, each through plan, photons, duality and voxels; and what must not change when the scene is moved, turned or scaled.
-//!
-//! `cargo test --release --test hard_cases -- --nocapture` prints a line a case.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
+use crate::support;
 use cloudvdb::Error;
 use cloudvdb::geom::Bounds;
 use cloudvdb::photon::trace::Fate;
@@ -18,8 +16,6 @@ use cloudvdb::voxelise::{Up, voxel_size, voxelise};
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 use std::time::Instant;
-
-mod support;
 
 const FATES: [Fate; 6] = [Fate::AbsorbedMedium, Fate::AbsorbedSurface, Fate::Escaped, Fate::Attenuated, Fate::Truncated, Fate::Roulette];
 
