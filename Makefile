@@ -67,7 +67,7 @@ scenes: test-packages $(VENV)/.stamp ## Writes the scenes again, with Blender
 	$(VENV)/bin/python -I scenes/make_scenes.py
 
 crosscheck: build test-packages $(VENV)/.crosscheck ## The longer comparisons, with Cycles, Mitsuba and published figures
-	cargo test --release --lib --test oracles --test plan -- --ignored --nocapture
+	cargo test --release --lib --test oracles --test plan --test stability -- --ignored --nocapture
 	$(PYTEST) -m long
 
 crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second and noise, beside Cycles and Mitsuba; the grid integrator; baked light
@@ -87,7 +87,7 @@ FUZZ_TARGETS := gltf extras vdb command
 TARGET ?= $(FUZZ_TARGETS)
 SECONDS_EACH ?= 60
 
-fuzz: build-packages ## Coverage-guided fuzzing of all readers, a minute each (TARGET=vdb SECONDS_EACH=3600)
+fuzz: build-packages ## Coverage-guided fuzzing of all readers, a minute each (a nightly Rust; TARGET=vdb SECONDS_EACH=3600)
 	@$(call need,clang-14 libclang-rt-14-dev)
 	$(FUZZ_BUILD)
 	for target in $(TARGET); do
@@ -96,7 +96,7 @@ fuzz: build-packages ## Coverage-guided fuzzing of all readers, a minute each (T
 			-artifact_prefix=found/$$target- found/$$target ../../tests/fuzz/corpus/$$target)
 	done
 
-sanitize: build-packages ## The corpus under the address sanitizer, Rust and C++; the core's tests under Miri
+sanitize: build-packages ## The fuzzers' corpus under the address sanitizer, Rust and C++ (a nightly Rust)
 	@$(call need,clang-14 libclang-rt-14-dev)
 	$(FUZZ_BUILD)
 	for target in $(FUZZ_TARGETS); do

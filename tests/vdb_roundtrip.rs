@@ -111,6 +111,21 @@ fn bricks_of_one_value_are_tiles_and_expand_again() {
 }
 
 #[test]
+fn bricks_that_lie_far_apart_come_back() {
+    let dir = dir();
+    let path = dir.path().join("far.vdb");
+    // Each in a branch of the root of its own, among them the first and the last that there is.
+    let at = [i32::MIN, -5 * 4096, 0, 4096, 1 << 20, i32::MAX - 4095];
+    let origins: Vec<_> = at.iter().flat_map(|&x| at.iter().flat_map(move |&y| [[x, y, -4096], [x, y, 1 << 24]])).collect();
+    let values = (0..origins.len() * 512).map(|i| (i % 13) as f32).collect();
+    let grid = BrickGrid { world_from_index: scaled(1.0), origins, values };
+    for half in [false, true] {
+        assert_eq!(there_and_back(&path, &grid, half), grid);
+    }
+    assert!(cloudvdb::doctor::examine(&path).unwrap().json().contains("\"density\""));
+}
+
+#[test]
 fn an_empty_grid_one_voxel_and_signed_zeros() {
     let dir = dir();
     let path = dir.path().join("small.vdb");

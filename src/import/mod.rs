@@ -31,6 +31,7 @@ mod mesh;
 mod metaballs;
 mod region;
 mod settle;
+mod thick;
 mod vdb;
 mod volume;
 mod walk;
@@ -152,5 +153,6 @@ pub fn load(path: &Path, options: &ImportOptions, progress: &dyn Progress) -> Re
         gltf::layout(path, &container::read(path)?, options, progress)?
     };
     options.overrides.apply(&mut layout.scene).map_err(|e| e.of_file(path))?;
+    thick::refuse(path, &layout.scene)?;
     Ok(layout)
 }

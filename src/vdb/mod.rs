@@ -8,6 +8,7 @@ mod carry;
 mod exam;
 mod ffi;
 mod mesh;
+mod room;
 
 use std::fs::OpenOptions;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -318,17 +319,9 @@ impl VdbFile {
             _ => None,
         };
         let (count, background) = (bricks.count(), bricks.background());
-        // A few bytes of tiles may stand for gigabytes; a system that promises more than it has would end the process.
-        let (needed, free) = ((count * BRICK_VOXELS * size_of::<f32>()) as u64, free_memory());
-        if let Some(free) = free.filter(|&free| needed > free) {
-            let gigabytes = |bytes: u64| bytes as f64 / 1e9;
-            let reason = format!(
-                "the grid \"{}\" takes {:.1} GB in memory, and {:.1} GB are free",
-                info.name,
-                gigabytes(needed),
-                gigabytes(free)
-            );
-            return Err(self.refused(reason, "Free memory, or resample it coarser"));
+        let needed = (count * BRICK_VOXELS * size_of::<f32>()) as u64;
+        if let Some(reason) = room::missing(needed, room::free()) {
+            return Err(self.refused(format!("the grid \"{}\" {reason}", info.name), "Free memory, or resample it coarser"));
         }
         let Some(mut drained) = drain(bricks).map_err(vdb)? else {
             return Err(self.refused(format!("{count} bricks of the grid \"{}\" do not fit into memory", info.name), "Resample it coarser"));
@@ -341,13 +334,6 @@ impl VdbFile {
     fn refused(&self, reason: String, fix: &str) -> Error {
         Error::File { file: self.path.clone(), reason, fix: fix.into() }
     }
-}
-
-/// The memory that programs may still take, bytes; where the system says so (Linux).
-fn free_memory() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
 /// Origins of bricks, and their samples.

@@ -137,4 +137,3 @@ pub fn vdb(bytes: &[u8]) {
     }
     import(&path);
 }
-

@@ -11,8 +11,9 @@ def text(s):
 
 
 def metadata(entries):
-    """Strings, truth values and whole numbers."""
-    kinds = {str: ("string", str.encode), bool: ("bool", lambda v: bytes([v])), int: ("int64", lambda v: struct.pack("<q", v))}
+    """Strings, truth values, whole and other numbers."""
+    kinds = {str: ("string", str.encode), bool: ("bool", lambda v: bytes([v])), int: ("int64", lambda v: struct.pack("<q", v)),
+             float: ("double", lambda v: struct.pack("<d", v))}
     out = struct.pack("<I", len(entries))
     for key, value in entries.items():
         kind, pack = kinds[type(value)]

@@ -40,21 +40,7 @@ fn direction(rng: &mut Rng) -> Vec3 {
     }
 }
 
-const GS: [f64; 13] = [
-    0.0,
-    1e-9,
-    -1e-9,
-    1e-3,
-    -1e-3,
-    0.85,
-    0.99,
-    -0.99,
-    0.9999,
-    -0.9999,
-    1.0 - 1e-6,
-    -(1.0 - 1e-6),
-    f64::MIN_POSITIVE,
-];
+const GS: [f64; 13] = [0.0, 1e-9, -1e-9, 1e-3, -1e-3, 0.85, 0.99, -0.99, 0.9999, -0.9999, 1.0 - 1e-6, -(1.0 - 1e-6), f64::MIN_POSITIVE];
 
 fn unit(what: &str, v: Vec3) {
     assert!((v.length() - 1.0).abs() < 1e-5, "{what}: {v}, of length {}", v.length());
@@ -84,12 +70,8 @@ fn warps(rng: &mut Rng) {
 
 /// Media of every shape and extinction, and the half extent that rays should know.
 fn worlds() -> Vec<(String, Media, f32)> {
-    let region = |shape: Shape, sigma: f64| Region {
-        name: String::new(),
-        shape,
-        medium: Medium::with_albedo(sigma, 0.9, 0.5),
-        photons: None,
-    };
+    let region =
+        |shape: Shape, sigma: f64| Region { name: String::new(), shape, medium: Medium::with_albedo(sigma, 0.9, 0.5), photons: None };
     let checker = |size: f64, low: f32, high: f32| {
         let values = (0..512).map(|i| if (i ^ i >> 3 ^ i >> 6) & 1 == 0 { low } else { high }).collect();
         let matrix3 = DMat3::from_diagonal(DVec3::splat(size / 4.0));
@@ -114,6 +96,10 @@ fn worlds() -> Vec<(String, Media, f32)> {
                 ("denormal voxels", vec![checker(size, 0.0, 1e-40)]),
             ];
             for (kind, shapes) in kinds {
+                // Thicker voxels are refused at import: a flight takes the root of their depth in steps.
+                if kind.ends_with("voxels") && sigma > 1e6 {
+                    continue;
+                }
                 let regions: Vec<Region> = shapes.into_iter().map(|shape| region(shape, sigma / size)).collect();
                 worlds.push((format!("{kind} of {size:e} m, {sigma:e} mean free paths"), Media::new(&regions, DVec3::ZERO), size as f32));
             }
