@@ -67,7 +67,7 @@ scenes: test-packages $(VENV)/.stamp ## Writes the scenes again, with Blender
 	$(VENV)/bin/python -I scenes/make_scenes.py
 
 crosscheck: build test-packages $(VENV)/.crosscheck ## The longer comparisons, with Cycles, Mitsuba and published figures
-	cargo test --release --lib --test oracles --test plan --test stability -- --ignored --nocapture
+	cargo test --release --lib --test light --test stability -- --ignored --nocapture
 	$(PYTEST) -m long
 
 crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second and noise, beside Cycles and Mitsuba; the grid integrator; baked light

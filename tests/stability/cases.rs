@@ -159,7 +159,7 @@ fn signed_layers(scene: &Scene, integrator: Integrator) -> [bool; 4] {
 
 /// A small picture, sound in every pixel.
 fn picture(case: &Case, integrator: Integrator, gather: Gathering) -> Option<Rendering> {
-    let photon = PhotonSettings { gather, photons: case.photons, memory: 3_000_000, ..PhotonSettings::default() };
+    let photon = PhotonSettings { gather, photons: case.photons, memory: 100_000_000, ..PhotonSettings::default() };
     let settings = RenderSettings { integrator, width: 6, height: 6, spp: 2, seed: 1, photon };
     let Case { name, scene, camera, .. } = case;
     let r = answered(name, render(scene, &Plan::for_scene(scene, Density::Source), camera, &settings, None, &Silent))?;

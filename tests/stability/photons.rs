@@ -325,7 +325,7 @@ fn overlaps() {
     };
     let loose = draw(10.0, 0.5, 5.0);
     let tight = draw(0.1, 1.0, 2e-3);
-    case("10,000 regions, a few deep", &overhead(loose), 100_000).unwrap();
+    case("10,000 regions, a few deep", &overhead(loose), 30_000).unwrap();
     case("10,000 regions, nearly all on top of each other", &overhead(tight), 300).unwrap();
 }
 
@@ -342,8 +342,8 @@ fn suns() {
     ];
     for (name, direction) in directions {
         for angle in [0.0, 0.00918, 1.0, 3.0] {
-            case(&format!("spheres, sun {name}, {angle} rad wide"), &lit(ball(), direction, angle), 20_000).unwrap();
-            let layer = case(&format!("slab, sun {name}, {angle} rad wide"), &lit(vec![slab(cloud)], direction, angle), 20_000);
+            case(&format!("spheres, sun {name}, {angle} rad wide"), &lit(ball(), direction, angle), 5000).unwrap();
+            let layer = case(&format!("slab, sun {name}, {angle} rad wide"), &lit(vec![slab(cloud)], direction, angle), 5000);
             // A slab without end sees the sun only above the horizon.
             let above = direction.z < 0.0 || angle >= 1.0 && direction.z < 0.5;
             match layer {

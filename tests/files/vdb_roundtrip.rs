@@ -1,5 +1,4 @@
 //! VDB files: what is written comes back, in this reader and in OpenVDB's own Python module; damaged files are errors.
-#![allow(clippy::unwrap_used)]
 
 use std::fs;
 use std::path::Path;
@@ -297,7 +296,7 @@ fn damaged_files_never_crash() {
         state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (state >> 33) as usize % n
     };
-    for _ in 0..3000 {
+    for _ in 0..1500 {
         let mut bytes = whole.clone();
         for _ in 0..=next(3) {
             let at = next(bytes.len() - 8);
