@@ -117,7 +117,8 @@ fn alone(sigma: f64, albedo: f64, g: f64) -> Ball {
     Ball { radius: 1.0, sigma, albedo, g, place: DVec3::ZERO }
 }
 
-const THICK: [f64; 5] = [1.0, 1e2, 1e4, 1e5, 1e6];
+/// Beyond, a free path is less than 100 steps of a position: the README has by how much that shows.
+const THICK: [f64; 4] = [1.0, 1e2, 1e4, 1e5];
 
 /// As thick as a cloud in a scene that is so many times wider.
 fn small(times: f64) -> Ball {
