@@ -39,7 +39,7 @@ fi
 endef
 .ONESHELL:
 
-.PHONY: help demo build test bench addon scenes crosscheck crosscheck-speed lint clean build-packages test-packages rust
+.PHONY: help demo build test bench addon scenes crosscheck crosscheck-speed fuzz sanitize lint clean build-packages test-packages rust
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 26
@@ -67,7 +67,7 @@ scenes: test-packages $(VENV)/.stamp ## Writes the scenes again, with Blender
 	$(VENV)/bin/python -I scenes/make_scenes.py
 
 crosscheck: build test-packages $(VENV)/.crosscheck ## The longer comparisons, with Cycles, Mitsuba and published figures
-	cargo test --release --lib --test oracles --test plan -- --ignored --nocapture
+	cargo test --release --lib --test light --test stability -- --ignored --nocapture
 	$(PYTEST) -m long
 
 crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second and noise, beside Cycles and Mitsuba; the grid integrator; baked light
@@ -75,6 +75,33 @@ crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second an
 	$(VENV)/bin/python tests/python/grid_error.py
 	$(VENV)/bin/python tests/python/denoised.py
 	$(VENV)/bin/python tests/python/bake_error.py
+
+# The sanitizer's flags for Rust and for the bridge: gcc's coverage is none that libFuzzer understands, so C++ is compiled by clang.
+FUZZ_FLAGS := -Zsanitizer=address --cfg fuzzing -Ccodegen-units=4 -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
+	-Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table -Cllvm-args=-sanitizer-coverage-trace-compares
+FUZZ_BUILD = CARGO_TARGET_DIR=target/fuzz CXX=clang++-14 CUSTOM_LIBFUZZER_STD_CXX=stdc++ \
+	CUSTOM_LIBFUZZER_PATH=$$(clang-14 -print-file-name=libclang_rt.fuzzer-x86_64.a) RUSTFLAGS="$(FUZZ_FLAGS)" \
+	CXXFLAGS="-fsanitize=address -fsanitize-coverage=inline-8bit-counters,pc-table,trace-cmp" \
+	cargo +nightly build --release --manifest-path tests/fuzz/Cargo.toml --target x86_64-unknown-linux-gnu
+FUZZ_TARGETS := gltf extras vdb command
+TARGET ?= $(FUZZ_TARGETS)
+SECONDS_EACH ?= 60
+
+fuzz: build-packages ## Coverage-guided fuzzing of all readers, a minute each (a nightly Rust; TARGET=vdb SECONDS_EACH=3600)
+	@$(call need,clang-14 libclang-rt-14-dev)
+	$(FUZZ_BUILD)
+	for target in $(TARGET); do
+		mkdir -p target/fuzz/found/$$target
+		(cd target/fuzz && x86_64-unknown-linux-gnu/release/$$target -max_total_time=$(SECONDS_EACH) -timeout=25 -rss_limit_mb=4096 -print_final_stats=1 \
+			-artifact_prefix=found/$$target- found/$$target ../../tests/fuzz/corpus/$$target)
+	done
+
+sanitize: build-packages ## The fuzzers' corpus under the address sanitizer, Rust and C++ (a nightly Rust)
+	@$(call need,clang-14 libclang-rt-14-dev)
+	$(FUZZ_BUILD)
+	for target in $(FUZZ_TARGETS); do
+		target/fuzz/x86_64-unknown-linux-gnu/release/$$target -runs=0 -timeout=60 tests/fuzz/corpus/$$target
+	done
 
 lint: build-packages rust ## Formatting and clippy
 	cargo fmt --check

@@ -38,6 +38,23 @@ bool is_affine(const std::string &map) {
     return known.count(map) > 0;
 }
 
+// OpenVDB counts from the root's first entry to know where an iterator is, so that a pass over n entries takes n^2 steps; and
+// each entry spans 4096 voxels: a tree that needs more is no cloud.
+constexpr std::uint64_t kMostRootEntries = 1 << 13;
+
+// Refuses a root with too many entries, before a byte of memory is taken for one; the stream stays where it is. The background is
+// written whole, among half floats too.
+void check_root(GuardedStream &is, std::size_t background) {
+    const auto start = is.tellg();
+    is.bytes(sizeof(std::int32_t) + background);
+    const std::uint64_t tiles = is.number<std::uint32_t>(), children = is.number<std::uint32_t>();
+    if (tiles + children > kMostRootEntries) {
+        throw std::runtime_error("the root of the tree has " + std::to_string(tiles + children) + " entries of 4096^3 voxels, more than " +
+                                 std::to_string(kMostRootEntries) + "; it is damaged, or no cloud");
+    }
+    is.seekg(start);
+}
+
 // Leaves of truth values say themselves where they are: each must be where its parents have it.
 template <typename Grid> void check_places(const openvdb::GridBase::Ptr &grid) {
     const auto &tree = openvdb::gridPtrCast<Grid>(grid)->tree();
@@ -107,6 +124,7 @@ openvdb::GridBase::Ptr read_tree(GuardedStream &is, const GridEntry &entry, bool
     const auto has = [&](std::uint32_t flag) { return (entry.compression & flag) != 0; };
     const bool blosc = has(openvdb::io::COMPRESS_BLOSC);
     is.buffer().expect_none();
+    check_root(is, width->value);
     if (blosc || has(openvdb::io::COMPRESS_ZIP)) {
         const std::size_t stored = entry.tree_half ? width->halved : width->stored;
         is.buffer().expect_chunks(width->value, stored, has(openvdb::io::COMPRESS_ACTIVE_MASK), blosc);

@@ -51,6 +51,20 @@ pub fn main() -> u8 {
     }
 }
 
+/// What the words behind `cloudvdb` ask for, understood as far as that goes without doing it; the words that refuse it, else.
+///
+/// # Errors
+/// What would be told, whatever is wrong.
+#[cfg(any(test, fuzzing))]
+pub fn understand(words: impl Iterator<Item = std::ffi::OsString>) -> Result<(), String> {
+    let whole = std::iter::once("cloudvdb".into()).chain(words);
+    let arguments = Arguments::try_parse_from(whole).map_err(|refusal| refusal.render().to_string())?;
+    match &arguments.command {
+        None => arguments.run.job().map(drop).map_err(|error| error.to_string()),
+        Some(_) => Ok(()),
+    }
+}
+
 fn run(run: &Run) -> Result<(), Error> {
     let job = run.job()?;
     let watch = watched(&run.manners, run.keep_partial)?;
@@ -157,3 +171,6 @@ fn words(error: &Error, style: ProgressStyle) -> String {
         ProgressStyle::Bar => format!("cloudvdb: {error}"),
     }
 }
+
+#[cfg(test)]
+mod tests;

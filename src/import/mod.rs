@@ -32,6 +32,7 @@ mod metaballs;
 mod region;
 mod settle;
 pub mod sky;
+mod thick;
 mod vdb;
 mod volume;
 mod walk;
@@ -164,5 +165,6 @@ pub fn load(path: &Path, options: &ImportOptions, progress: &dyn Progress) -> Re
     if let Some(sky) = sky {
         sky.lay(&mut layout.scene, &mut layout.notes).map_err(|e| e.of_file(path))?;
     }
+    thick::refuse(path, &layout.scene)?;
     Ok(layout)
 }

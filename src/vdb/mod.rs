@@ -8,6 +8,7 @@ mod carry;
 mod exam;
 mod ffi;
 mod mesh;
+mod room;
 
 use std::fs::OpenOptions;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -318,6 +319,10 @@ impl VdbFile {
             _ => None,
         };
         let (count, background) = (bricks.count(), bricks.background());
+        let needed = (count * BRICK_VOXELS * size_of::<f32>()) as u64;
+        if let Some(reason) = room::missing(needed, room::free()) {
+            return Err(self.refused(format!("the grid \"{}\" {reason}", info.name), "Free memory, or resample it coarser"));
+        }
         let Some(mut drained) = drain(bricks).map_err(vdb)? else {
             return Err(self.refused(format!("{count} bricks of the grid \"{}\" do not fit into memory", info.name), "Resample it coarser"));
         };

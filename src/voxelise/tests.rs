@@ -116,3 +116,25 @@ fn a_repeated_grid_is_resampled_to_the_mass_of_its_tile() {
         }
     }
 }
+
+/// Voxels that no brick reaches are skipped, and only those: the same bits as with bricks of zeros between two that hold something.
+#[test]
+fn what_is_skipped_of_a_scattered_grid_is_empty() {
+    use crate::scene::VoxelGrid;
+    let held = |origin: [i32; 3]| origin == [-80, -8, 0] || origin == [40, 0, 16];
+    let all: Vec<[i32; 3]> = (-11..7).flat_map(|x| (-2..2).flat_map(move |y| (-1..4).map(move |z| [8 * x, 8 * y, 8 * z]))).collect();
+    for turn in [DMat3::IDENTITY, DMat3::from_quat(DQuat::from_rotation_x(0.7) * DQuat::from_rotation_z(0.4))] {
+        let of = |origins: Vec<[i32; 3]>| {
+            let brick = |&origin: &[i32; 3]| (0..512).map(move |i| if held(origin) { (i % 5) as f32 } else { 0.0 });
+            let bricks =
+                BrickGrid { world_from_index: DAffine3::from_mat3(turn), values: origins.iter().flat_map(brick).collect(), origins };
+            region(Shape::Grid(std::sync::Arc::new(VoxelGrid::new(bricks, [-80, -8, 0], [47, 7, 23], false))), 2.0)
+        };
+        let (sparse, dense) = (of(vec![[-80, -8, 0], [40, 0, 16]]), of(all.clone()));
+        for size in [1.5, 4.0, 16.0, 90.0] {
+            let grids = [&sparse, &dense].map(|r| voxelise(std::slice::from_ref(r), size, 1.0, Up::Z, &Silent).unwrap());
+            assert_eq!(grids[0], grids[1], "voxels of {size}");
+            assert!(grids[0].integral() > 0.5 * sparse.optical_mass());
+        }
+    }
+}

@@ -362,18 +362,32 @@ def test_interrupted_while_writing_voxels(cloudvdb, scenes, tmp_path):
 
 # ---------------------------------------------------------------------------------------------------- repeatability
 
-def test_threads_change_nothing(cloudvdb, layout, tmp_path):
-    written = {}
-    for name, options in {"one": ("--threads", "1"), "two": ("--threads", "2"), "again": ("--threads", "2")}.items():
-        folder = tmp_path / name
+@pytest.mark.parametrize("threads", [(1, 3), pytest.param((1, 2, 2, 3, 8), marks=pytest.mark.long)], ids=["few", "all"])
+@pytest.mark.parametrize("options", [
+    ("--integrator", "path", "--density", "duality"),
+    ("--integrator", "photon", "--gather", "march"),
+    ("--integrator", "photon", "--gather", "beam"),
+    ("--integrator", "grid", "--bake", "view", "--no-check"),
+    ("--integrator", "grid", "--atmosphere", "clear:visibility=2000"),
+    pytest.param(("--integrator", "path", "--density", "source", "--bake", "sh1"), marks=pytest.mark.long),
+    pytest.param(("--integrator", "path", "--atmosphere", "clear:visibility=2000"), marks=pytest.mark.long),
+    pytest.param(("--integrator", "grid", "--bake", "sh2"), marks=pytest.mark.long),
+], ids=lambda options: "-".join(o.lstrip("-") for o in options))
+def test_threads_change_nothing(cloudvdb, layout, tmp_path, options, threads):
+    """Each integrator, every kind of output, air and baked light."""
+    outputs, written = ("out.vdb", "regions.glb", "out.exr", "out.png"), []
+    for number, count in enumerate(threads):
+        folder = tmp_path / str(number)
         folder.mkdir()
-        report = cloudvdb.make(layout, folder, *FAST, *options, outputs=("out.vdb", "regions.glb"))
-        written[name] = ((folder / "out.vdb").read_bytes(), (folder / "regions.glb").read_bytes(), schema.stable(report.data))
-    for other in ("two", "again"):
-        assert written["one"][1] == written[other][1], f"regions.glb differs: {other}"
-        assert differing(written["one"][0], written[other][0]) == [], f"out.vdb differs: {other}"
-        ours, theirs = (json.dumps(w[2], sort_keys=True).replace(str(tmp_path / n), "") for n, w in (("one", written["one"]), (other, written[other])))
-        assert ours == theirs
+        report = cloudvdb.make(layout, folder, *FAST, *options, "--size", "24x18", "--spp", "2", "--max-voxels", "20k", "--threads", count,
+                               outputs=outputs)
+        told = json.dumps(schema.stable(report.data), sort_keys=True).replace(str(folder), "")
+        written.append(([(folder / output).read_bytes() for output in outputs], told))
+    (files, told), *others = written
+    for count, (theirs, report) in zip(threads[1:], others):
+        for name, a, b in zip(outputs, files, theirs):
+            assert differing(a, b) == [], f"{name} differs with {count} threads"
+        assert told == report, count
 
 
 def differing(a, b):

@@ -21,7 +21,7 @@ fn a_trace_of_detail_is_almost_the_smooth_cloud() {
 #[test]
 fn the_mass_does_not_depend_on_the_voxels() {
     for (_, genus) in Genus::NAMES {
-        let sculpture = of(cloud(), Some(Detail { octaves: 3, ..detail(genus, 1.0, 0.5) }));
+        let sculpture = of(cloud(), Some(Detail { octaves: 2, ..detail(genus, 1.0, 0.5) }));
         // The voxels that it asks for, and much finer ones.
         let usual = sculpture.voxel_size(None, 1 << 24, &no_meshes, &Silent).unwrap().0;
         let [coarse, fine] = [usual, 0.5 * usual].map(|size| voxels(&sculpture, size).integral());

@@ -59,8 +59,15 @@ fn the_grid_integrator_sees_what_the_path_tracer_sees() {
     scene.air = Air::new(layers);
     scene.sky = [0.05; 3];
     agrees("cloud in thick air", &scene, 400, 4);
-    // Blue air, and ground and cloud of other colours.
+}
+
+/// Blue air, and ground and cloud of other colours.
+#[test]
+fn the_grid_integrator_sees_colours_in_air() {
+    let mut scene = cloud();
+    let layers = [haze(0.25, 1.0, Scattering::Rayleigh, Some(1.0)), haze(0.15, 0.9, Scattering::HenyeyGreenstein(0.7), None)];
     scene.air = Air::new([layers[0].coloured(|_| [0.05, 0.12, 0.3]), layers[1].coloured(|_| [0.1, 0.1, 0.02])]);
+    scene.sky = [0.05; 3];
     scene.surfaces[0].albedo = [0.6, 0.3, 0.1];
     scene.regions[0].medium = Medium { sigma_s: [5.99, 5.9, 5.7], sigma_a: [0.01, 0.1, 0.3], g: 0.8 };
     agrees("cloud in blue air", &scene, 300, 3);

@@ -26,7 +26,7 @@ fn the_energy_gathered_is_the_energy_stored() {
             let (Light::Nearest(gather), media) = (&tracer.channels[0].light, &tracer.channels[0].tracer.bands[0].media) else {
                 panic!("nearest photons were asked for")
             };
-            let points = 16_384;
+            let points = 6144;
             let sums: Vec<f64> = (0..points)
                 .into_par_iter()
                 .map(|i| {

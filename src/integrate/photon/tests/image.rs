@@ -159,7 +159,7 @@ fn pictures_become_the_path_tracer_s_up_to_three_million_photons() {
 #[test]
 fn colours_layers_and_voxels_too() {
     for (name, scene) in [("colours", colours()), ("layer", layer()), ("voxels", voxels())] {
-        converges(name, &scene, Gathering::March, (16, 2048), &[(3_000, 10), (200_000, 24)]);
+        converges(name, &scene, Gathering::March, (8, 1024), &[(3_000, 10), (200_000, 24)]);
     }
 }
 
@@ -168,6 +168,6 @@ fn a_camera_inside_regions_sees_what_the_path_tracer_does() {
     // In the overlap of two balls, looking out through the rest of one of them.
     let inside = Camera::look_at(DVec3::new(0.1, 0.3, 0.1), DVec3::new(0.6, -0.6, 0.0), 0.9).unwrap();
     for gather in [Gathering::March, Gathering::Beam] {
-        converges("inside", &Scene { camera: Some(inside), ..balls() }, gather, (8, 2048), &[(3_000, 10), (200_000, 40)]);
+        converges("inside", &Scene { camera: Some(inside), ..balls() }, gather, (8, 1024), &[(3_000, 10), (200_000, 40)]);
     }
 }

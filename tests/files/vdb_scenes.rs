@@ -1,5 +1,4 @@
 //! VDB files as scenes, bare and named by nodes of glTF: which grids become regions, where, with which media; what is refused.
-#![allow(clippy::unwrap_used)]
 
 use cloudvdb::import::{Became, ImportOptions, Layout, load};
 use cloudvdb::progress::Silent;

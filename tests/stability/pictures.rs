@@ -1,8 +1,7 @@
 //! Hard cases of pictures and energy balances: extreme media, suns, cameras and sizes; colour; threads; and symmetries.
 //!
-//! `cargo test --release --test render_hard -- --nocapture` prints a line a case. A pixel may be negative: sunlight in a grid is
-//! a rough guess put right by chance, and what puts it right may exceed it. Its mean is right, which `media::grid::tests` shows.
-#![allow(clippy::unwrap_used, clippy::panic)]
+//! A pixel may be negative: sunlight in a grid is a rough guess put right by chance, and what puts it right may exceed it. Its
+//! mean is right, which `media::grid::tests` shows.
 
 use cloudvdb::Error;
 use cloudvdb::integrate::flux::{Flux, flux};
@@ -16,20 +15,20 @@ use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-fn region(shape: Shape, medium: Medium) -> Region {
+pub fn region(shape: Shape, medium: Medium) -> Region {
     Region { name: "cloud".into(), shape, medium, photons: None }
 }
 
-fn ball(x: f64, sigma: f64, albedo: f64, g: f64) -> Region {
+pub fn ball(x: f64, sigma: f64, albedo: f64, g: f64) -> Region {
     region(Shape::sphere(DVec3::new(x, 0.0, 0.0), 1.0), Medium::with_albedo(sigma, albedo, g))
 }
 
-fn slab(medium: Medium) -> Region {
+pub fn slab(medium: Medium) -> Region {
     region(Shape::Slab { centre: DVec3::ZERO, half_height: 0.5, half_extent: DVec2::ONE }, medium)
 }
 
 /// A lumpy grid of `n` voxels a side, 2 m wide, about the origin.
-fn lumps(n: i32) -> Shape {
+pub fn lumps(n: i32) -> Shape {
     let side = (n + 7) / 8;
     let (mut origins, mut values) = (Vec::new(), Vec::new());
     for i in 0..side.pow(3) {
@@ -47,21 +46,21 @@ fn lumps(n: i32) -> Shape {
     Shape::Grid(Arc::new(VoxelGrid::new(BrickGrid { world_from_index, origins, values }, [0; 3], [n - 1; 3], false)))
 }
 
-fn lit(regions: Vec<Region>, direction: DVec3, angular_diameter: f64) -> Scene {
+pub fn lit(regions: Vec<Region>, direction: DVec3, angular_diameter: f64) -> Scene {
     Scene { regions, sun: Sun { direction: direction.normalize(), irradiance: [1.0; 3], angular_diameter }, ..Scene::default() }
 }
 
-fn slanted(regions: Vec<Region>) -> Scene {
+pub fn slanted(regions: Vec<Region>) -> Scene {
     lit(regions, DVec3::new(0.4, 0.3, -0.8), 0.00918)
 }
 
-fn ground(z: f64, half: f64, albedo: [f64; 3]) -> Surface {
+pub fn ground(z: f64, half: f64, albedo: [f64; 3]) -> Surface {
     let corner = |x: f64, y: f64| DVec3::new(x * half, y * half, z);
     let vertices = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
     Surface { name: "ground".into(), mesh: Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] }, albedo }
 }
 
-fn camera(position: DVec3, target: DVec3) -> Camera {
+pub fn camera(position: DVec3, target: DVec3) -> Camera {
     let back = (position - target).normalize();
     let right = if back.z.abs() > 0.9 { DVec3::X } else { DVec3::Z.cross(back) };
     let right = (right - back * right.dot(back)).normalize();
@@ -69,7 +68,7 @@ fn camera(position: DVec3, target: DVec3) -> Camera {
     Camera { world_from_camera: DAffine3 { matrix3, translation: position }, yfov: 0.7, aspect: None, znear: 0.0, zfar: None }
 }
 
-fn usual() -> Camera {
+pub fn usual() -> Camera {
     camera(DVec3::new(3.0, -2.5, 1.0), DVec3::ZERO)
 }
 

@@ -1,5 +1,4 @@
 //! What the plan leaves out changes less than it says: random scenes with everything on, and as planned.
-#![allow(clippy::unwrap_used)]
 
 use cloudvdb::integrate::photon::PhotonSettings;
 use cloudvdb::integrate::{Integrator, RenderSettings, Rendering, render};

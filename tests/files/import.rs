@@ -1,8 +1,6 @@
 //! Import of glTF and GLB: what is found, what is said, and what bad input gets.
-#![allow(clippy::unwrap_used)]
 
-mod support;
-
+use crate::support::*;
 use cloudvdb::{
     Error, Result,
     import::{Became, ImportOptions, Layout, load},
@@ -14,7 +12,6 @@ use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::{fs, path::Path};
-use support::*;
 
 fn read(name: &str, bytes: &[u8], options: &ImportOptions) -> Result<Layout> {
     let folder = tempfile::tempdir().unwrap();

@@ -1,8 +1,6 @@
 //! Hard cases, each through plan, photons, duality and voxels; and what must not change when the scene is moved, turned or scaled.
-//!
-//! `cargo test --release --test hard_cases -- --nocapture` prints a line a case.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
+use crate::support;
 use cloudvdb::Error;
 use cloudvdb::geom::Bounds;
 use cloudvdb::photon::trace::Fate;
@@ -18,8 +16,6 @@ use cloudvdb::voxelise::{Up, voxel_size, voxelise};
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 use std::time::Instant;
-
-mod support;
 
 const FATES: [Fate; 6] = [Fate::AbsorbedMedium, Fate::AbsorbedSurface, Fate::Escaped, Fate::Attenuated, Fate::Truncated, Fate::Roulette];
 
@@ -193,7 +189,8 @@ fn phase_functions_from_backward_to_forward() {
 fn extinction_from_vacuum_to_stone() {
     // A black sphere: what collides is absorbed.
     for sigma in [1e-12, 1e-3, 1e3, 1e6, 1e12] {
-        for (radius, at) in [(1.0, DVec3::ZERO), (1e-6, DVec3::ONE), (1e6, DVec3::ZERO), (1.0, DVec3::splat(1e7))] {
+        let places = [(1.0, DVec3::ZERO), (1e-6, DVec3::ONE), (1e6, DVec3::ZERO), (1.0, DVec3::splat(1e7))];
+        for (radius, at) in places.into_iter().take(if sigma == 1e3 { 4 } else { 1 }) {
             let scene = overhead(vec![sphere(at, radius, Medium::with_albedo(sigma / radius, 0.0, 0.5))]);
             let shot = trace(&scene, Model::Physical, 1, 1).unwrap();
             let truth = PI * radius * radius * collided(2.0 * sigma);
@@ -328,7 +325,7 @@ fn overlaps() {
     };
     let loose = draw(10.0, 0.5, 5.0);
     let tight = draw(0.1, 1.0, 2e-3);
-    case("10,000 regions, a few deep", &overhead(loose), 100_000).unwrap();
+    case("10,000 regions, a few deep", &overhead(loose), 30_000).unwrap();
     case("10,000 regions, nearly all on top of each other", &overhead(tight), 300).unwrap();
 }
 
@@ -345,8 +342,8 @@ fn suns() {
     ];
     for (name, direction) in directions {
         for angle in [0.0, 0.00918, 1.0, 3.0] {
-            case(&format!("spheres, sun {name}, {angle} rad wide"), &lit(ball(), direction, angle), 20_000).unwrap();
-            let layer = case(&format!("slab, sun {name}, {angle} rad wide"), &lit(vec![slab(cloud)], direction, angle), 20_000);
+            case(&format!("spheres, sun {name}, {angle} rad wide"), &lit(ball(), direction, angle), 5000).unwrap();
+            let layer = case(&format!("slab, sun {name}, {angle} rad wide"), &lit(vec![slab(cloud)], direction, angle), 5000);
             // A slab without end sees the sun only above the horizon.
             let above = direction.z < 0.0 || angle >= 1.0 && direction.z < 0.5;
             match layer {
@@ -373,7 +370,7 @@ fn suns() {
 /// A sun's disc of half angle alpha, uniform in radiance, brings E to a plane across its axis; a ball sees all of it face on.
 #[test]
 fn a_wide_sun_brings_a_ball_what_its_solid_angle_says() {
-    for angle in [0.0, 0.00918, 0.5, 1.0, 1.5, 2.5] {
+    for angle in [0.0, 0.00918, 1.0, 2.5] {
         // The second one, of vacuum, moves the first far away from the middle of the scene.
         let black = |z: f64| sphere(DVec3::Z * z, 1.0, Medium::with_albedo(2.0, 0.0, 0.0));
         let vacuum = |z: f64| sphere(DVec3::Z * z, 1.0, Medium::with_albedo(1e-12, 0.0, 0.0));

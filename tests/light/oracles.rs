@@ -1,7 +1,4 @@
 //! Light transport against truths that nobody here wrote: discrete ordinates, invariants, symmetries.
-//!
-//! `cargo test --release --test oracles -- --nocapture` prints every figure with its error.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use cloudvdb::integrate::flux::{Flux, flux};
 use cloudvdb::integrate::photon::PhotonSettings;
@@ -100,7 +97,7 @@ fn layers(times: f64) {
 
 #[test]
 fn layers_reflect_and_transmit_what_discrete_ordinates_say() {
-    layers(2.0);
+    layers(0.6);
 }
 
 #[test]
@@ -138,8 +135,8 @@ fn spheres(photons: impl Fn(f64, f64) -> u64, most: impl Fn(f64) -> f64) {
 
 #[test]
 fn paths_through_a_white_sphere_are_four_thirds_of_its_radius_long() {
-    // Photons that diffuse far are few and long: at optical radius 100 a quick look resolves four percent.
-    spheres(|tau, _| if tau > 50.0 { 30_000 } else { 300_000 }, |tau| if tau > 50.0 { 0.045 } else { 0.005 });
+    // Photons that diffuse far are few and long: at optical radius 100 a quick look resolves six percent.
+    spheres(|tau, _| if tau > 50.0 { 15_000 } else { 100_000 }, |tau| if tau > 50.0 { 0.064 } else { 0.009 });
 }
 
 #[test]
@@ -169,14 +166,14 @@ fn voxels_of_a_layout_send_light_where_the_layout_does() {
     }
     let voxels = VoxelGrid::new(bricks, min, max, false);
     let (closed, open) = (overhead(balls), overhead(vec![region(Shape::Grid(Arc::new(voxels)), Medium::with_albedo(8.0, 0.98, 0.7))]));
-    let (a, b) = (balance(&closed, 1_000_000, 1), balance(&open, 1_500_000, 2));
+    let (a, b) = (balance(&closed, 400_000, 1), balance(&open, 600_000, 2));
     let union = {
         let (r, s, d) = (0.8f64, 0.6f64, 0.9f64);
         let (x, y) = ((d * d + r * r - s * s) / (2.0 * d), (d * d + s * s - r * r) / (2.0 * d));
         let lens = r * r * (x / r).acos() - x * (r * r - x * x).sqrt() + s * s * (y / s).acos() - y * (s * s - y * y).sqrt();
         std::f64::consts::PI * (r * r + s * s) - lens
     };
-    close("the union of two discs, m^2", a.area, union, 1e-3);
+    close("the union of two discs, m^2", a.area, union, 1.6e-3);
     assert!((1.0..1.1).contains(&(b.area.value / union)), "few voxels hold nothing: {:?}", b.area);
     let per = |share: Estimate, area: Estimate| (share.value * area.value, (share.se * area.value).hypot(share.value * area.se));
     for (what, x, y) in
@@ -265,7 +262,7 @@ fn light_goes_both_ways_alike() {
             let mut scene = scene.clone();
             scene.sun.direction = -lit;
             let (distance, half) = (4000.0, 1.8);
-            let r = picture(&scene, &camera(from * distance, DVec3::ZERO, 2.0 * f64::atan(half / distance)), 48, 256, seed);
+            let r = picture(&scene, &camera(from * distance, DVec3::ZERO, 2.0 * f64::atan(half / distance)), 48, 96, seed);
             let n = r.film.pixels.len() as f64;
             let mean = r.film.pixels.iter().map(|p| f64::from(p.combined()[0])).sum::<f64>() / n;
             let variance = r.film.pixels.iter().map(|p| f64::from(p.standard_error[0]).powi(2)).sum::<f64>();
