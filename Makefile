@@ -39,7 +39,7 @@ fi
 endef
 .ONESHELL:
 
-.PHONY: help demo build test bench addon scenes crosscheck crosscheck-speed fuzz sanitize lint clean build-packages test-packages rust
+.PHONY: help demo build test bench addon scenes crosscheck crosscheck-speed fuzz sanitize study lint clean build-packages test-packages rust
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 26
@@ -75,6 +75,10 @@ crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second an
 	$(VENV)/bin/python tests/python/grid_error.py
 	$(VENV)/bin/python tests/python/denoised.py
 	$(VENV)/bin/python tests/python/bake_error.py
+
+study: build ## What accuracy costs in the cumulus: the README's plot, and a page in out/study
+	target/release/cloudvdb study scenes/cumulus.gltf -o out/study --size 160x120 --reference 768
+	cp out/study/error.svg scenes/gallery/study.svg
 
 # The sanitizer's flags for Rust and for the bridge: gcc's coverage is none that libFuzzer understands, so C++ is compiled by clang.
 FUZZ_FLAGS := -Zsanitizer=address --cfg fuzzing -Ccodegen-units=4 -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \

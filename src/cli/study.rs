@@ -4,6 +4,8 @@ use super::args::{GatherArgument, Manners, ModelArgument, ProgressStyle};
 use super::scene::SceneArguments;
 use super::{event, print, say, watched};
 use crate::error::Error;
+use crate::import::ImportOptions;
+use crate::scene::View;
 use crate::study::accuracy::{self, Against, against};
 use crate::study::thesis::CUMULUS;
 use crate::study::{Job, Part, study};
@@ -67,6 +69,12 @@ pub struct StudyArguments {
 pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
     if !arguments.paper {
         return accuracy(arguments);
+    }
+    let View { position, target, xfov, .. } = arguments.scene.view();
+    if arguments.scene.import() != ImportOptions::default() || position.is_some() || target.is_some() || xfov.is_some() {
+        return Err(Error::Usage(
+            "--paper takes the thesis's layouts as they are: leave out what changes the scene, its light or its camera".into(),
+        ));
     }
     let watch = watched(&arguments.manners, false)?;
     let job = Job {

@@ -142,8 +142,9 @@ def test_bad_inputs_are_refused_in_words(tmp_path):
     twin = tmp_path / "twin.gltf"
     twin.write_text(ONE.read_text())
     for arguments, code, says in [
-        (("study", "--paper"), 2, ["LAYOUT"]),
-        (("study", ONE), 2, ["--paper"]),
+        (("study", "--paper"), 2, ["SCENE"]),
+        (("study", ONE), 2, ["--paper", "into a folder"]),
+        (("study", "--paper", ONE, "--sky", "0.1"), 2, ["--paper", "as they are"]),
         (("study", "--paper", tmp_path / "none.gltf"), 1, ["none.gltf"]),
         (("study", "--paper", empty), 1, ["empty.gltf"]),
         (("study", "--paper", slab), 2, ["slab.gltf", "is no ball"]),
@@ -198,8 +199,8 @@ def test_what_accuracy_costs_goes_on_where_it_was_interrupted(tmp_path):
     runs = [json.loads(line) for line in after[1:]]
     seconds = sorted(run["seconds"] for run in runs if (run["integrator"], run["work"]) == ("grid", 30_000))
     assert found["cells"][4]["seconds"] == seconds[1]
-    # The path tracer's noise falls as it must.
-    assert abs(found["lines"][0]["noise_falls"] + 1.0) < 0.15
+    # The path tracer's noise falls about as it must: 432 pixels and three seeds say no more than that.
+    assert abs(found["lines"][0]["noise_falls"] + 1.0) < 0.3
     page = (folder / "index.html").read_text()
     assert "<svg" in page and page.count("data:image/png;base64,") == 7 and "http" not in page.replace("http://www.w3.org/2000/svg", "")
     # Somebody else's picture: one of its own.
@@ -210,12 +211,11 @@ def test_what_accuracy_costs_goes_on_where_it_was_interrupted(tmp_path):
 
 def test_a_study_that_cannot_be_says_why(tmp_path):
     scene = SCENES / "two_spheres.gltf"
-    taken = tmp_path / "file"
+    taken, dark = tmp_path / "file", tmp_path / "dark"
     taken.write_text("mine")
-    assert "is a file" in refuse("study", scene, "-o", taken, "--quick").err and taken.read_text() == "mine"
-    assert "is of one scene and goes into a folder" in refuse("study", scene).err
-    dark = ("study", scene, "-o", tmp_path / "dark", "--quick", "--size", "8x6", "--reference", 4, "--irradiance", 0)
-    assert "no pixel of the reference receives light" in refuse(*dark).err
-    other = ("study", scene, "-o", tmp_path / "dark", "--quick", "--size", "8x6", "--reference", 4)
-    assert "holds the study of another scene" in refuse(*other).err
-    assert "is not a picture and its seconds" in refuse("study", scene, "-o", tmp_path / "x", "--against", "c.exr").err
+    small = ("--quick", "--size", "8x6", "--reference", 4, "-q")
+    refuse("study", scene, "-o", taken, "--quick", says=["is a file"])
+    assert taken.read_text() == "mine"
+    refuse("study", scene, "-o", dark, *small, "--irradiance", 0, says=["no pixel of the reference receives light"])
+    refuse("study", scene, "-o", dark, *small, says=["holds the study of another scene"])
+    refuse("study", scene, "-o", tmp_path / "x", "--against", "c.exr", code=2, says=["is not a picture and its seconds"])
