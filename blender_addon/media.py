@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The custom property `cloudvdb` as the command reads it: media, details, the sun's disc, the sky."""
 import json
+import math
 
 SHAPES = ("sphere", "metaball", "slab", "mesh", "surface", "vdb", "ignore")
 PRESETS = ("cumulus", "stratus", "cirrus", "haze", "smoke", "milk", "hura2006")
@@ -45,7 +46,8 @@ def of_scene(settings):
 
 
 def sky(world):
-    """The radiance of an even sky in W/m^2/sr as [r, g, b]; `None` where there is none, or textures make it."""
+    """The sky as the command reads it: the radiance of an even one in W/m^2/sr as [r, g, b], or an image of all directions; `None` where
+    there is none, or something else makes it."""
     if world is None:
         return None
     if not (world.use_nodes and world.node_tree):
@@ -55,7 +57,28 @@ def sky(world):
     if active is None or not active.inputs["Surface"].is_linked:
         return None
     background = active.inputs["Surface"].links[0].from_node
-    if background.type != "BACKGROUND" or any(socket.is_linked for socket in background.inputs):
+    if background.type != "BACKGROUND" or background.inputs["Strength"].is_linked:
         return None
-    strength = background.inputs["Strength"].default_value
-    return [channel * strength for channel in background.inputs["Color"].default_value[:3]]
+    strength, color = background.inputs["Strength"].default_value, background.inputs["Color"]
+    if color.is_linked:
+        return _image(color.links[0].from_node, strength)
+    return [channel * strength for channel in color.default_value[:3]]
+
+
+def _image(node, strength):
+    """An Environment Texture of an EXR or HDR file, turned about the vertical at most."""
+    image = node.image if node.type == "TEX_ENVIRONMENT" and node.projection == "EQUIRECTANGULAR" else None
+    path = image.filepath_from_user() if image else ""
+    if not path.lower().endswith((".exr", ".hdr")):
+        return None
+    turn = 0.0
+    if node.inputs["Vector"].is_linked:
+        mapping = node.inputs["Vector"].links[0].from_node
+        if mapping.type != "MAPPING" or mapping.vector_type != "POINT":
+            return None
+        where, angles, scale = (tuple(mapping.inputs[name].default_value) for name in ("Location", "Rotation", "Scale"))
+        if any(where) or any(angles[:2]) or scale != (1.0, 1.0, 1.0):
+            return None
+        # It turns what is looked up, and so the picture the other way.
+        turn = -math.degrees(angles[2])
+    return {"image": path, "strength": strength, "turn": turn}

@@ -88,7 +88,7 @@ def sun_and_sky(context, toward=(0.5, -0.6, 0.75), strength=8.0, sky=0.4):
     thing.location = Vector(toward) * 10
     context.collection.objects.link(thing)
     shines = media.sky(scene.world)
-    if scene.world is None or (shines is not None and max(shines) - min(shines) < 1e-6):
+    if scene.world is None or (isinstance(shines, list) and max(shines) - min(shines) < 1e-6):
         world = scene.world = scene.world or bpy.data.worlds.new("World")
         world.use_nodes = True
         nodes = world.node_tree.nodes

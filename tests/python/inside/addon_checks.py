@@ -416,6 +416,18 @@ def file_export_writes_what_blender_drops(folder):
         assert abs(top["cloudvdb"]["sun_angle"] - 0.02) < 1e-6 and top["cloudvdb"]["sky"] == [0.5] * 3
         assert top["cloudvdb"]["medium"] == {"preset": "stratus"} and top["cloudvdb"]["detail"]["genus"] == "congestus"
         assert "CLOUDVDB_metaballs" in document["extensionsUsed"] and "CLOUDVDB_metaballs" not in document.get("extensionsRequired", [])
+    # An image of the sky goes by its file; turned as a Mapping node turns it.
+    image = bpy.data.images.new("Sky", 8, 4, float_buffer=True)
+    image.file_format, image.filepath_raw = "OPEN_EXR", os.path.join(folder, "sky.exr")
+    image.save()
+    tree = scene.world.node_tree
+    texture, mapping = tree.nodes.new("ShaderNodeTexEnvironment"), tree.nodes.new("ShaderNodeMapping")
+    texture.image, mapping.inputs["Rotation"].default_value[2] = image, 0.5
+    background = next(node for node in tree.nodes if node.type == "BACKGROUND")
+    tree.links.new(mapping.outputs[0], texture.inputs["Vector"])
+    tree.links.new(texture.outputs["Color"], background.inputs["Color"])
+    found = exported(os.path.join(folder, "out.gltf"), export_extras=True)["scenes"][0]["extras"]["cloudvdb"]["sky"]
+    assert os.path.samefile(found["image"], image.filepath_raw) and found["strength"] == 0.5 and abs(found["turn"] + 28.6479) < 1e-3, found
     # What the scene says itself stays; what cannot be read goes out as it is, for the command to complain of.
     scene["cloudvdb"] = '{"sun_angle": 0.1, "sky": 2}'
     top = exported(os.path.join(folder, "out.gltf"))["scenes"][0]["extras"]["cloudvdb"]
