@@ -24,7 +24,7 @@ pub const REFUSALS: u64 = 4096;
 pub const MOST_REGIONS: u64 = 1 << 20;
 
 /// Where candidates for regions are drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Placement {
     /// Uniformly in the region (the thesis).

@@ -22,7 +22,9 @@ use std::time::Instant;
 use thesis::{CUMULUS, SIZE, TESTS, Test};
 
 pub mod accuracy;
+pub mod duality;
 mod files;
+mod journal;
 mod one;
 mod savings;
 mod table;

@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::import::ImportOptions;
 use crate::scene::View;
 use crate::study::accuracy::{self, Against, against};
+use crate::study::duality;
 use crate::study::thesis::CUMULUS;
 use crate::study::{Job, Part, study};
 use clap::Args;
@@ -24,6 +25,9 @@ pub struct StudyArguments {
     /// The thesis's tables 3 and 4 and its second research question, beside its own figures
     #[arg(long)]
     pub paper: bool,
+    /// How far the regions that the duality makes are from the layout: mass, what passes along lines, radiance, by photons and placement
+    #[arg(long, conflicts_with_all = ["paper", "against", "reference"])]
+    pub duality: bool,
     /// Fewer settings, seeds and pixels: under two minutes for most scenes
     #[arg(long, conflicts_with = "paper")]
     pub quick: bool,
@@ -105,23 +109,13 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
     print(if arguments.json { findings.json() + "\n" } else { findings.table() }.as_bytes())
 }
 
-/// What accuracy costs in a scene.
+/// What accuracy costs in a scene, or what the duality changes of it.
 fn accuracy(arguments: &StudyArguments) -> Result<(), Error> {
     let ([input], Some(output)) = (&arguments.inputs[..], &arguments.output) else {
         let reason = "a study is of one scene and goes into a folder: cloudvdb study scene.glb -o study/; with --paper it is of the thesis's layouts";
         return Err(Error::Usage(reason.into()));
     };
     let watch = watched(&arguments.manners, false)?;
-    let job = accuracy::Job {
-        input: input.clone(),
-        import: arguments.scene.import(),
-        view: arguments.scene.view(),
-        quick: arguments.quick,
-        reference: arguments.reference,
-        seed: arguments.seed,
-        output: output.clone(),
-        against: arguments.against.clone(),
-    };
     let told = |line: &str| {
         watch.finish();
         match arguments.manners.progress {
@@ -130,13 +124,22 @@ fn accuracy(arguments: &StudyArguments) -> Result<(), Error> {
             ProgressStyle::Bar => say(line),
         }
     };
-    let result = accuracy::study(&job, &told, &watch);
-    watch.finish();
-    let figures = result?;
-    print(
-        if arguments.json { figures.json() } else { figures.table() + &format!("wrote {}\n", output.join("index.html").display()) }
-            .as_bytes(),
-    )
+    let (input, import, view, output) = (input.clone(), arguments.scene.import(), arguments.scene.view(), output.clone());
+    let StudyArguments { quick, reference, seed, .. } = *arguments;
+    let (json, table, page) = if arguments.duality {
+        let result = duality::study(&duality::Job { input, import, view, quick, seed, output: output.clone() }, &told, &watch);
+        watch.finish();
+        let findings = result?;
+        (findings.json(), findings.table(), output.join("duality.html"))
+    } else {
+        let against = arguments.against.clone();
+        let job = accuracy::Job { input, import, view, quick, reference, seed, output: output.clone(), against };
+        let result = accuracy::study(&job, &told, &watch);
+        watch.finish();
+        let figures = result?;
+        (figures.json(), figures.table(), output.join("index.html"))
+    };
+    print(if arguments.json { json } else { format!("{table}wrote {}\n", page.display()) }.as_bytes())
 }
 
 /// A part of the study by its name.

@@ -6,7 +6,7 @@
 
 mod against;
 mod figures;
-mod page;
+pub(super) mod page;
 mod plot;
 mod store;
 
@@ -78,12 +78,7 @@ pub struct Setting {
 pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<Figures> {
     let quick = usize::from(job.quick);
     let layout = import::load(&job.input, &job.import, progress)?;
-    let mut view = job.view;
-    if view.size.is_none() {
-        let framed = view.frame(&layout.scene).map_err(|e| e.of_file(&job.input))?;
-        let high = (f64::from(WIDE[quick]) * f64::from(framed.height) / f64::from(framed.width)).round().max(1.0);
-        view.size = Some([WIDE[quick], high as u32]);
-    }
+    let view = sized(&job.view, WIDE[quick], &layout.scene).map_err(|e| e.of_file(&job.input))?;
     let framed = view.frame(&layout.scene).map_err(|e| e.of_file(&job.input))?;
     let stage = Stage { scene: &layout.scene, framed: &framed, view };
     let mut store = Store::open(job, &layout.source_hash, &stage)?;
@@ -123,6 +118,13 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
     let figures = Figures::new(job, [framed.width, framed.height], spp, truth, cells, others);
     store.write(&figures)?;
     Ok(figures)
+}
+
+/// A view of so many pixels in a row where nobody said how many, and as high as the camera's aspect says.
+pub(super) fn sized(view: &View, wide: u32, scene: &Scene) -> Result<View> {
+    let framed = view.frame(scene)?;
+    let high = (f64::from(wide) * f64::from(framed.height) / f64::from(framed.width)).round().max(1.0);
+    Ok(View { size: Some(view.size.unwrap_or([wide, high as u32])), ..*view })
 }
 
 /// The scene before the camera.

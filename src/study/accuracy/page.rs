@@ -7,7 +7,7 @@ use crate::export::report::{duration, percent};
 use crate::film::{Film, Pixel};
 use base64::prelude::{BASE64_STANDARD, Engine};
 
-const STYLE: &str = "body{font:16px/1.45 sans-serif;max-width:1000px;margin:2em auto;padding:0 1em;color:#222}\
+pub(in crate::study) const STYLE: &str = "body{font:16px/1.45 sans-serif;max-width:1000px;margin:2em auto;padding:0 1em;color:#222}\
 svg{max-width:100%;height:auto}table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;text-align:right;border-bottom:1px solid #ddd}\
 td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:0 .8em 1em 0}figcaption{font-size:.85em;color:#555}\
 img{image-rendering:pixelated;width:300px}";
@@ -99,7 +99,7 @@ fn signed(x: f32) -> [f32; 3] {
 }
 
 /// A picture as the source of an `img`.
-fn picture(pixels: &[[f32; 3]], [width, height]: [u32; 2], exposure: f64) -> Option<String> {
+pub(in crate::study) fn picture(pixels: &[[f32; 3]], [width, height]: [u32; 2], exposure: f64) -> Option<String> {
     let pixel = |&surface: &[f32; 3]| Pixel { surface, opaque: 1.0, ..Pixel::UNKNOWN };
     let film = Film { width, height, pixels: pixels.iter().map(pixel).collect(), sky: true };
     let file = tempfile::NamedTempFile::new().ok()?;
@@ -107,6 +107,6 @@ fn picture(pixels: &[[f32; 3]], [width, height]: [u32; 2], exposure: f64) -> Opt
     Some(format!("data:image/png;base64,{}", BASE64_STANDARD.encode(std::fs::read(file.path()).ok()?)))
 }
 
-fn escaped(text: &str) -> String {
+pub(in crate::study) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

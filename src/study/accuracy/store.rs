@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::export::staged::{Staged, write_bytes};
 use crate::film::Film;
 use crate::import::sky::read_exr;
-use std::io::Write;
+use crate::study::journal::{Head, Journal};
 use std::path::{Path, PathBuf};
 
 const LINES: &str = "runs.jsonl";
@@ -28,72 +28,23 @@ pub struct Run {
     pub stated: Option<f64>,
 }
 
-/// What a folder's lines begin with: whose study it is.
-#[derive(PartialEq, serde::Serialize, serde::Deserialize)]
-struct Head {
-    scene: String,
-    said: String,
-    size: [u32; 2],
-}
-
 /// The folder.
 pub(super) struct Store {
     folder: PathBuf,
-    runs: Vec<Run>,
+    journal: Journal<Run>,
 }
 
 impl Store {
     /// Opens the folder, which is made where it is not there, and reads what it has.
     pub fn open(job: &Job, source: &str, stage: &Stage) -> Result<Self> {
-        let folder = job.output.clone();
-        let wrong = |reason: String, fix: &str| Err(Error::Write { target: folder.clone(), reason, fix: fix.into() });
-        if folder.exists() && !folder.is_dir() {
-            return wrong("is a file, and a study is written into a folder".into(), "Name a folder: -o study/");
-        }
-        if let Err(e) = std::fs::create_dir_all(folder.join(PICTURES)) {
-            return wrong(format!("cannot be made ({e})"), "Check the permissions of the folder above it");
-        }
-        let said = serde_json::json!([job.import.overrides, format!("{:?}", job.import.sky), format!("{:?}", stage.view)]).to_string();
-        let head = Head { scene: source.into(), said, size: [stage.framed.width, stage.framed.height] };
-        let mut store = Store { folder: folder.clone(), runs: Vec::new() };
-        let text = std::fs::read_to_string(folder.join(LINES)).unwrap_or_default();
-        let mut lines = text.lines();
-        match lines.next().map(serde_json::from_str::<Head>) {
-            None => store.append(&head)?,
-            Some(Ok(known)) if known == head => {}
-            Some(_) => {
-                return wrong(
-                    "holds the study of another scene, or of the same with other flags or another size".into(),
-                    "Name another folder, or remove this one",
-                );
-            }
-        }
-        // A line that was cut is a picture that is made again.
-        store.runs = lines.filter_map(|line| serde_json::from_str(line).ok()).collect();
-        if !text.is_empty() && !text.ends_with('\n') {
-            store.put("\n")?;
-        }
-        Ok(store)
-    }
-
-    fn put(&self, text: &str) -> Result<()> {
-        let path = self.folder.join(LINES);
-        let written =
-            std::fs::OpenOptions::new().create(true).append(true).open(&path).and_then(|mut file| file.write_all(text.as_bytes()));
-        written.map_err(|e| Error::Write {
-            target: path,
-            reason: format!("cannot be written ({e})"),
-            fix: "Check the space and the permissions".into(),
-        })
-    }
-
-    fn append(&self, line: &impl serde::Serialize) -> Result<()> {
-        let text = serde_json::to_string(line).map_err(|e| Error::Write {
-            target: self.folder.clone(),
-            reason: e.to_string(),
-            fix: "Report it".into(),
+        let head = Head::new(source, &job.import, &stage.view, stage.framed);
+        let store = Store { folder: job.output.clone(), journal: Journal::open(&job.output, LINES, &head)? };
+        std::fs::create_dir_all(job.output.join(PICTURES)).map_err(|e| Error::Write {
+            target: job.output.join(PICTURES),
+            reason: format!("cannot be made ({e})"),
+            fix: "Check the permissions of the folder above it".into(),
         })?;
-        self.put(&(text + "\n"))
+        Ok(store)
     }
 
     fn path(&self, setting: Setting, seed: u64) -> PathBuf {
@@ -103,7 +54,7 @@ impl Store {
 
     /// A run that is done, with its picture.
     pub fn run(&self, setting: Setting, seed: u64) -> Option<(Run, Vec<[f32; 3]>)> {
-        let run = self.runs.iter().find(|run| run.setting == setting && run.seed == seed)?;
+        let run = self.journal.done.iter().find(|run| run.setting == setting && run.seed == seed)?;
         Some((run.clone(), self.picture(setting, seed)?))
     }
 
@@ -123,10 +74,7 @@ impl Store {
         let mut staged = Staged::default();
         staged.add(&self.path(setting, seed), |path| exr_of(path, film))?;
         staged.commit(true)?;
-        let run = Run { setting, seed, seconds, peak_memory, stated };
-        self.append(&run)?;
-        self.runs.push(run);
-        Ok(())
+        self.journal.add(Run { setting, seed, seconds, peak_memory, stated })
     }
 
     /// Writes what the study found.
