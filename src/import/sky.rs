@@ -15,6 +15,8 @@ use std::sync::Arc;
 
 const KEY: &str = "extras.cloudvdb.sky";
 const CLEAR: &str = "clear";
+/// Texels that are read at most: 16,384 x 8,192.
+const LARGEST: usize = 1 << 27;
 /// Of images that are wider, columns and rows are averaged.
 const WIDEST: usize = 2048;
 
@@ -62,13 +64,33 @@ impl SkySpec {
 /// # Errors
 /// Why it cannot be read.
 pub fn read_exr(path: &Path) -> std::result::Result<(usize, usize, Vec<[f32; 3]>), String> {
+    let unreadable = |error: exr::error::Error| format!("it cannot be read as an EXR image ({error})");
+    let about = exr::meta::MetaData::read_from_file(path, false).map_err(unreadable)?;
+    about.headers.iter().try_for_each(|header| small_enough(header.layer_size.width(), header.layer_size.height()))?;
     let picture = exr::prelude::read_first_rgba_layer_from_file(
         path,
         |size, _| (size.width(), vec![[0.0f32; 3]; size.area()]),
         |(width, texels), at, (r, g, b, _): (f32, f32, f32, f32)| texels[at.y() * *width + at.x()] = [r, g, b],
     );
-    let layer = picture.map_err(|error| format!("it cannot be read as an EXR image ({error})"))?.layer_data;
+    let layer = picture.map_err(unreadable)?.layer_data;
     Ok((layer.size.width(), layer.size.height(), layer.channel_data.pixels.1))
+}
+
+fn small_enough(width: usize, height: usize) -> std::result::Result<(), String> {
+    let fits = width.checked_mul(height).is_some_and(|area| area <= LARGEST);
+    if fits { Ok(()) } else { Err(format!("its {width} x {height} pixels are more than {LARGEST}")) }
+}
+
+/// Columns, rows and texels of a Radiance image.
+fn read_hdr(path: &Path) -> std::result::Result<(usize, usize, Vec<[f32; 3]>), String> {
+    let unreadable = |error: std::io::Error| format!("it cannot be read as an HDR image ({error})");
+    let file = std::io::BufReader::new(std::fs::File::open(path).map_err(unreadable)?);
+    let loader = radiant::Loader::new(file).map_err(unreadable)?;
+    small_enough(loader.width, loader.height)?;
+    let picture = loader.load_image().map_err(unreadable)?;
+    // The crate takes mantissas over 255, Radiance means 256.
+    let texels = picture.data.iter().map(|texel| [texel.r, texel.g, texel.b].map(|c| c * (255.0 / 256.0))).collect();
+    Ok((picture.width, picture.height, texels))
 }
 
 /// Reads an image of a sky.
@@ -78,12 +100,7 @@ fn image(path: &Path, notes: &mut Vec<String>) -> Result<Dome> {
     let ending = path.extension().map(|e| e.to_ascii_lowercase());
     let (width, height, mut texels) = match ending.as_ref().and_then(|e| e.to_str()) {
         Some("exr") => read_exr(path).map_err(wrong)?,
-        Some("hdr") => {
-            let read = image::ImageReader::open(path).map_err(image::ImageError::from).and_then(image::ImageReader::decode);
-            let picture = read.map_err(|error| wrong(format!("it cannot be read as an HDR image ({error})")))?.to_rgb32f();
-            let (width, height) = (picture.width() as usize, picture.height() as usize);
-            (width, height, picture.pixels().map(|pixel| pixel.0).collect())
-        }
+        Some("hdr") => read_hdr(path).map_err(wrong)?,
         _ => return Err(wrong("it is no .exr and no .hdr file".into())),
     };
     let bad = |v: &f32| !(*v >= 0.0 && v.is_finite());
@@ -285,6 +302,19 @@ mod tests {
         assert_eq!(dome.radiance(glam::Vec3::NEG_Y).to_array(), [3.0, 0.0, 0.0]);
         let (width, height, texels) = coarser(5, 3, &(0..15).map(|i| [i as f32; 3]).collect::<Vec<_>>(), 2);
         assert_eq!((width, height, texels[0], texels[5]), (3, 2, [3.0; 3], [14.0; 3]));
+        // Flat RGBE: mantissas over 256 times two to the exponent less 128.
+        let flat = folder.path().join("sky.hdr");
+        let head = |size: &str| format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{size}\n").into_bytes();
+        std::fs::write(&flat, [head("-Y 1 +X 2"), vec![128, 64, 32, 130, 128, 128, 128, 129]].concat()).unwrap();
+        let (width, height, texels) = read_hdr(&flat).unwrap();
+        assert_eq!((width, height), (2, 1));
+        for (found, meant) in texels.iter().flatten().zip([2.0, 1.0, 0.5, 1.0, 1.0, 1.0]) {
+            assert!((found / meant - 1.0f32).abs() < 1e-6, "{texels:?}");
+        }
+        std::fs::write(&flat, head("-Y 4000000000 +X 4000000000")).unwrap();
+        assert!(image(&flat, &mut notes).unwrap_err().to_string().contains("are more than"));
+        std::fs::write(&flat, head("-Y 64 +X 128")).unwrap();
+        assert!(image(&flat, &mut notes).unwrap_err().to_string().contains("cannot be read as an HDR image"));
         std::fs::write(&path, b"no image").unwrap();
         assert!(image(&path, &mut notes).unwrap_err().to_string().contains("cannot be read as an EXR image"));
     }

@@ -117,6 +117,11 @@ impl Cell {
         }
     }
 
+    /// Whether its bias is more than two of its errors.
+    pub fn is_off(&self) -> bool {
+        self.bias_square > 2.0 * self.square_error
+    }
+
     /// The relative error of a pixel.
     pub fn error(&self) -> f64 {
         self.square.max(0.0).sqrt()
@@ -134,11 +139,13 @@ pub struct Line {
     pub noise_falls_error: Option<f64>,
     /// The relative bias that the last cell has; 0 where its square is within two of its errors of 0.
     pub bias: f64,
+    /// The power of photons by which the squared bias falls, by the last two cells that show one; 0 where fewer do.
+    pub bias_falls: f64,
     /// Seconds whatever is asked, and for each sample or photon.
     pub fixed_seconds: f64,
     /// Seconds for each of them.
     pub each_seconds: f64,
-    /// Seconds to each of the [`GOALS`]; none where the bias is more.
+    /// Seconds to each of the [`GOALS`]; none where a bias that does not fall is more.
     pub to: [Option<f64>; GOALS.len()],
     last: (f64, f64),
 }
@@ -151,12 +158,18 @@ impl Line {
         let (slope, doubt) = fitted(&points);
         let work = |c: &Cell| c.setting.work as f64;
         let each = ((last.seconds - first.seconds) / (work(last) - work(first))).max(0.0);
-        let bias = if last.bias_square > 2.0 * last.square_error { last.bias_square.sqrt() } else { 0.0 };
+        let bias = if last.is_off() { last.bias_square.sqrt() } else { 0.0 };
+        let off: Vec<&&Cell> = cells.iter().filter(|c| c.is_off()).collect();
+        let bias_falls = match off[..] {
+            [.., before, end] if bias > 0.0 => (end.bias_square / before.bias_square).ln() / (work(end) / work(before)).ln(),
+            _ => 0.0,
+        };
         let mut line = Line {
             integrator,
             noise_falls: slope,
             noise_falls_error: doubt,
             bias,
+            bias_falls: bias_falls.min(0.0),
             fixed_seconds: (last.seconds - each * work(last)).max(0.0),
             each_seconds: each,
             to: [None; GOALS.len()],
@@ -166,18 +179,29 @@ impl Line {
         Some(line)
     }
 
-    /// Seconds to an error; `None` where the bias is more.
+    /// The squared error with so many times the last cell's work.
+    fn square(&self, more: f64) -> f64 {
+        self.last.1 * more.powf(self.noise_falls) + self.bias.powi(2) * more.powf(self.bias_falls)
+    }
+
+    /// Seconds to an error; `None` where a bias that does not fall is more.
     pub fn seconds(&self, error: f64) -> Option<f64> {
-        let left = error * error - self.bias * self.bias;
-        let more = (left > 0.0 && self.noise_falls < 0.0).then(|| (left / self.last.1).powf(1.0 / self.noise_falls))?;
-        Some(self.fixed_seconds + self.each_seconds * self.last.0 * more)
+        // By decades of work, halved sixty times.
+        let (mut little, mut much) = (-12.0f64, 24.0f64);
+        if self.noise_falls >= 0.0 || self.square(10f64.powf(much)) >= error * error {
+            return None;
+        }
+        for _ in 0..60 {
+            let middle = 0.5 * (little + much);
+            *if self.square(10f64.powf(middle)) > error * error { &mut little } else { &mut much } = middle;
+        }
+        Some(self.fixed_seconds + self.each_seconds * self.last.0 * 10f64.powf(much))
     }
 
     /// The error after so many seconds; `None` where nothing is done by then.
     pub fn error(&self, seconds: f64) -> Option<f64> {
         let work = (seconds - self.fixed_seconds) / self.each_seconds;
-        let noise = (work > 0.0).then(|| self.last.1 * (work / self.last.0).powf(self.noise_falls))?;
-        Some((noise + self.bias * self.bias).sqrt())
+        (work > 0.0).then(|| self.square(work / self.last.0).sqrt())
     }
 }
 
@@ -248,7 +272,7 @@ impl Figures {
             text += &format!("{:<17}{:>10.2}{:>10}\n", o.name, o.seconds, percent(o.error));
         }
         for line in &self.lines {
-            let to = GOALS.iter().zip(line.to).map(|(&goal, s)| format!("{} in {}", percent(goal), s.map_or("no time".into(), duration)));
+            let to = GOALS.iter().zip(line.to).map(|(&goal, s)| format!("{} in {}", percent(goal), s.map_or("never".into(), duration)));
             text += &format!("{:<8}{}\n", name(line.integrator), to.collect::<Vec<_>>().join(", "));
         }
         if let Some((seconds, error)) = self.path_overtakes {
@@ -361,6 +385,11 @@ mod tests {
         assert!((lines[0].noise_falls + 1.0).abs() < 1e-9 && (lines[1].noise_falls + 0.8).abs() < 1e-9);
         // 0.02 = 0.8 / sqrt(1600).
         assert!((lines[0].seconds(0.02).unwrap() - 160.5).abs() < 1e-6 && lines[1].seconds(0.009).is_none());
+        // A bias that falls is no floor.
+        let falling =
+            [(1000u64, 0.04), (4000, 0.02)].map(|(n, bias)| cell(Integrator::Photon, n, 1e-4 / (n as f64).sqrt(), bias, 1e-3 * n as f64));
+        let falling = Line::new(Integrator::Photon, &falling.iter().collect::<Vec<_>>()).unwrap();
+        assert!((falling.bias_falls + 1.0).abs() < 1e-9 && (falling.seconds(0.01).unwrap() - 16.0).abs() < 0.01);
         let (when, error) = overtakes(&lines).unwrap();
         // There the two are as good as each other, and later the path tracer is better.
         assert!(

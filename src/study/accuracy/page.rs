@@ -22,13 +22,13 @@ pub(super) fn page(figures: &Figures, plot: &str) -> String {
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{scene}: what accuracy costs</title><style>{STYLE}</style>\
          <h1>{scene}: what accuracy costs</h1><p>{width} x {height} pixels. The reference is the path tracer's, twice {} samples a pixel, \
          known to {} a pixel; that noise is in no figure here. Errors are the root mean square over lit pixels, over their mean. Bars are two \
-         standard errors by the scatter of seeds; lines are fits, dashed ones the bias that more work does not take away.</p>{plot}",
+         standard errors by the scatter of seeds; lines are fits, dashed ones the bias of the last setting.</p>{plot}",
         figures.reference_samples,
         percent(figures.reference_noise),
     );
     text += "<h2>Seconds to an error</h2><table><tr><th>integrator</th>";
     GOALS.iter().for_each(|&goal| text += &format!("<th>{}</th>", percent(goal)));
-    text += "<th>bias</th></tr>";
+    text += "<th>bias at most work</th></tr>";
     for line in &figures.lines {
         text += &format!("<tr><td>{}</td>", name(line.integrator));
         for seconds in line.to {
@@ -89,7 +89,7 @@ pub(super) fn page(figures: &Figures, plot: &str) -> String {
 }
 
 fn bias(cell: &Cell) -> String {
-    if cell.bias_square > 2.0 * cell.square_error { percent(cell.bias_square.sqrt()) } else { "within noise".into() }
+    if cell.is_off() { percent(cell.bias_square.sqrt()) } else { "within noise".into() }
 }
 
 /// From blue by grey to red.
