@@ -3,6 +3,7 @@ import csv
 import json
 import statistics
 
+import numpy as np
 import pytest
 
 import gltf
@@ -219,3 +220,49 @@ def test_a_study_that_cannot_be_says_why(tmp_path):
     refuse("study", scene, "-o", dark, *small, "--irradiance", 0, says=["no pixel of the reference receives light"])
     refuse("study", scene, "-o", dark, *small, says=["holds the study of another scene"])
     refuse("study", scene, "-o", tmp_path / "x", "--against", "c.exr", code=2, says=["is not a picture and its seconds"])
+
+
+# ------------------------------------------------------------------------------------------------ what the duality changes
+
+def balls_of(path):
+    """Centres and radii of a .glb's regions, in its own frame."""
+    nodes = [node for node in gltf.read(path)["nodes"] if "extras" in node and "sigma_s" in node["extras"]["cloudvdb"]]
+    return np.array([node.get("translation", (0, 0, 0)) for node in nodes]), np.array([node["scale"][0] for node in nodes])
+
+
+def test_what_the_duality_changes_is_what_its_regions_show(tmp_path):
+    """Interrupted, it goes on; and what it says stays uncovered is what points among the main command's own regions say."""
+    scene, folder = tmp_path / "ball.glb", tmp_path / "study"
+    gltf.scene(scene, gltf.ball("Cloud", (0, 0, 0), radius=2.0, sigma_s=10.0, sigma_a=0.0, g=0.8))
+    asked = ("study", scene, "-o", folder, "--duality", "--quick", "--size", "16x12")
+    lines = folder / "duality.jsonl"
+    assert interrupt(*asked, after=1.0)[0] == 130
+    before = lines.read_text().splitlines()
+    found, after = json.loads(succeed(*asked, "--json", "-q").out), lines.read_text().splitlines()
+    assert after[:len(before)] == before and len(after) == 1 + 12 * 3 and len(set(after)) == len(after)
+    assert len(found["cells"]) == 12 and len(rows(folder / "duality.csv")) == 12
+    figures = {(c["placement"], c["photons"], c["estimate"], c["layers"]): dict(zip(found["names"], c["figures"])) for c in found["cells"]}
+    # Nothing is lost, whatever the photons.
+    assert all(f["mass"]["value"] == pytest.approx(1.0, abs=1e-6) for f in figures.values())
+    run, = [run for run in map(json.loads, after[1:])
+            if (run["placement"], run["photons"], run["estimate"], run["layers"], run["seed"]) == ("uniform", 100_000, None, 1, 0)]
+    succeed(scene, "-o", tmp_path / "regions.glb", "--photons", "100k", "--seed", 0)
+    centres, radii = balls_of(tmp_path / "regions.glb")
+    assert len(centres) == run["regions"]
+    points = np.random.default_rng(1).uniform(-2, 2, (100_000, 3))
+    points = points[(points ** 2).sum(axis=1) <= 4.0]
+    covered = sum((((points - c) ** 2).sum(axis=1) <= r * r).astype(int) for c, r in zip(centres, radii))
+    share, stated = (covered == 0).mean(), run["figures"][found["names"].index("uncovered")]
+    assert abs(share - stated) < 4.5 * (share * (1 - share) * (1 / len(points) + 1 / 20_000)) ** 0.5
+    # Balls at random places leave 1/e at least; two layers the square of what one does, or more.
+    one, two, four = (figures["uniform", 100_000, None, layers]["uncovered"] for layers in (1, 2, 4))
+    assert one["value"] > np.exp(-1) - 4.5 * one["se"]
+    assert four["value"] < two["value"] < one["value"] and two["value"] > one["value"] ** 2 - 4.5 * (two["se"] + one["se"])
+    page = (folder / "duality.html").read_text()
+    assert "<svg" in page and page.count("data:image/png;base64,") == 3 and "http" not in page.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_a_study_of_the_duality_that_cannot_be_says_why(tmp_path):
+    refuse("study", SCENES / "slab.gltf", "-o", tmp_path / "x", "--duality", "--quick", says=["without end"], folder=tmp_path)
+    refuse("study", SCENES / "two_spheres.gltf", "--duality", code=2, says=["into a folder"])
+    refuse("study", SCENES / "two_spheres.gltf", "-o", tmp_path / "x", "--duality", "--reference", 8, code=2, says=["--duality"], folder=tmp_path)

@@ -65,25 +65,32 @@ pub(super) struct Truth {
 }
 
 impl Truth {
+    /// Looks at the layout, twice by the path tracer.
+    ///
+    /// # Errors
+    /// Those of a picture, and [`Error::Scene`] where there is nothing to compare.
     pub fn new(stage: &Stage, progress: &dyn Progress) -> Result<Self> {
-        let regions = &stage.scene.regions;
+        let take = |seed| stage.picture(stage.scene, stage.spp.0, seed, progress);
+        let [a, b] = HALVES;
+        let halves = [take(a)?, take(b)?];
+        Truth::of(&stage.scene.regions, &halves).ok_or_else(|| Error::Scene {
+            reason: "no pixel of the layout receives light, or it has no mass: there is nothing to compare".into(),
+            fix: "Look at the scene first: cloudvdb SCENE -o look.png --density source".into(),
+        })
+    }
+
+    /// Regions, and two independent pictures of them.
+    fn of(regions: &[Region], [a, b]: &[Vec<[f32; 3]>; 2]) -> Option<Self> {
         let bounds = regions.iter().fold(Bounds::EMPTY, |b, r| b.union(r.shape.bounds()));
         let (origin, half) = (bounds.centre(), (0.5 * bounds.size()).as_vec3());
         let media = Media::new(regions, origin);
-        let [a, b] = HALVES;
-        let (a, b) = (stage.picture(stage.scene, stage.spp.0, a, progress)?, stage.picture(stage.scene, stage.spp.0, b, progress)?);
-        let picture: Vec<[f32; 3]> = a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c]))).collect();
+        let picture: Vec<[f32; 3]> = a.iter().zip(b).map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c]))).collect();
         let lit: Vec<f64> = picture.iter().map(grey).filter(|&l| l > 0.0).collect();
         let mean = lit.iter().sum::<f64>() / lit.len().max(1) as f64;
         let (points, lines) = (points(&media, half), lines(&media, half.length()));
-        if mean <= 0.0 || points.is_empty() || lines.is_empty() {
-            return Err(Error::Scene {
-                reason: "no pixel of the layout receives light, or it has no mass: there is nothing to compare".into(),
-                fix: "Look at the scene first: cloudvdb SCENE -o look.png --density source".into(),
-            });
-        }
         let halves = [a, b].map(|half| half.iter().map(grey).collect());
-        Ok(Truth { origin, points, lines, halves, mean, lit: lit.len() as f64, picture })
+        let something = mean > 0.0 && !points.is_empty() && !lines.is_empty();
+        something.then_some(Truth { origin, points, lines, halves, mean, lit: lit.len() as f64, picture })
     }
 
     /// The figures of regions that have so much of the layout's mass, with two independent pictures of them.
@@ -139,4 +146,76 @@ fn lines(media: &Media, radius: f32) -> Vec<(Ray, f64)> {
 
 fn grey(texel: &[f32; 3]) -> f64 {
     luminance(texel.map(f64::from))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Medium, Shape};
+
+    const RADIUS: f64 = 3.0;
+    const SIGMA: f64 = 0.4;
+
+    fn ball(x: f64, sigma: f64) -> Region {
+        let shape = Shape::sphere(DVec3::new(x, 0.0, 0.0), RADIUS);
+        Region { name: "ball".into(), shape, medium: Medium::grey(sigma, 0.0, 0.0), photons: None }
+    }
+
+    fn normal(rng: &mut Rng) -> f64 {
+        (-2.0 * (1.0 - rng.uniform()).ln()).sqrt() * (std::f64::consts::TAU * rng.uniform()).cos()
+    }
+
+    /// A ball, against itself, one of half its extinction, one moved by its radius: all by formulas.
+    #[test]
+    fn figures_are_those_of_balls_by_hand() {
+        let picture = || [vec![[1.0; 3]; 4], vec![[1.0; 3]; 4]];
+        let truth = Truth::of(&[ball(5.0, SIGMA)], &picture()).unwrap();
+        assert_eq!((truth.points.len(), truth.lines.len()), (POINTS, LINES));
+        let judge = |region: Region, mass| truth.judge(&[region], mass, &picture());
+        // Shares of points, and means over chords of length 0 to 2 R: within 4.5 standard errors.
+        let of_points = |p: f64| 4.5 * (p * (1.0 - p) / POINTS as f64).sqrt();
+        let of_lines = 4.5 / (LINES as f64).sqrt();
+        let same = judge(ball(5.0, SIGMA), 1.0);
+        assert_eq!([0, 1, 2, 3, 6, 7, 8].map(|i| same[i]), [1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+        // The mean of e^(-sigma l) over isotropic chords, whose lengths have the density l / 2 R^2.
+        let passing = |sigma: f64| {
+            let x = 2.0 * sigma * RADIUS;
+            2.0 * (1.0 - (1.0 + x) * (-x).exp()) / (x * x)
+        };
+        let half = judge(ball(5.0, SIGMA / 2.0), 0.5);
+        assert_eq!(half[UNCOVERED], 0.0);
+        assert!((half[IN_PLACE] - 0.5).abs() < 1e-9 && (half[INSIDE] - 1.0).abs() < 1e-9);
+        for (found, sigma) in half[4..].iter().zip([SIGMA, SIGMA / 2.0]) {
+            assert!((found - passing(sigma)).abs() < 0.3 * of_lines, "{found} {}", passing(sigma));
+        }
+        // (u - t)^2 = e^(-sigma l) + e^(-2 sigma l) - 2 e^(-3/2 sigma l); E l^2 / (E l)^2 = 9/8.
+        let square = passing(SIGMA) + passing(2.0 * SIGMA) - 2.0 * passing(1.5 * SIGMA);
+        assert!((half[TRANSMITTANCE_SQUARE] - square).abs() < 0.05 * of_lines, "{} {square}", half[TRANSMITTANCE_SQUARE]);
+        assert!((half[DEPTH_SQUARE] - 9.0 / 32.0).abs() < 0.1 * of_lines, "{}", half[DEPTH_SQUARE]);
+        // Two equal balls at a distance of their radius share 5/16.
+        let moved = judge(ball(5.0 + RADIUS, SIGMA), 1.0);
+        for (found, share) in [(moved[UNCOVERED], 11.0 / 16.0), (moved[IN_PLACE], 5.0 / 16.0), (moved[INSIDE], 5.0 / 16.0)] {
+            assert!((found - share).abs() < of_points(share), "{found} {share}");
+        }
+    }
+
+    /// The noise of pictures is in no square: over 400 pairs of pictures its mean is what was put in, within 4.5 of its standard errors.
+    #[test]
+    fn noise_is_in_no_square() {
+        let mut rng = Rng::new(3, Stream::Render, 0);
+        let mut noisy = |light: f64| (0..64).map(|_| [(light + 0.5 * normal(&mut rng)) as f32; 3]).collect::<Vec<_>>();
+        let mut truth = Truth::of(&[ball(0.0, SIGMA)], &[vec![[1.0; 3]; 64], vec![[1.0; 3]; 64]]).unwrap();
+        (truth.points, truth.lines) = (truth.points[..1].to_vec(), truth.lines[..1].to_vec());
+        for off in [0.0, 0.2] {
+            let squares: Vec<f64> = (0..400)
+                .map(|_| {
+                    truth.halves = [noisy(1.0), noisy(1.0)].map(|half| half.iter().map(grey).collect());
+                    truth.judge(&[ball(0.0, SIGMA)], 1.0, &[noisy(1.0 + off), noisy(1.0 + off)])[RADIANCE_SQUARE]
+                })
+                .collect();
+            let mean = squares.iter().sum::<f64>() / 400.0;
+            let error = (squares.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / 399.0 / 400.0).sqrt();
+            assert!((mean - off * off).abs() < 4.5 * error, "{mean} +- {error}, {off}");
+        }
+    }
 }
