@@ -19,7 +19,8 @@ namespace cloudvdb {
 namespace {
 
 using Leaf = openvdb::FloatTree::LeafNodeType;
-using Mesh = openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3d, openvdb::Vec3I>;
+// Of these types the tool is compiled within the library: of others it takes minutes here.
+using Mesh = openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3s, openvdb::Vec3I>;
 
 // Measures the band of a leaf again, to the triangles nearest its samples and their neighbours. OpenVDB's own tool leaves some
 // samples about two voxels from the surface with the distance to a part of a triangle that is not the nearest.
@@ -59,8 +60,10 @@ std::unique_ptr<Bricks> mesh_depth(rust::Slice<const double> points, rust::Slice
                                    float interior, std::uint64_t max_voxels) {
     initialize();
     const std::size_t vertices = points.size() / 3;
-    std::vector<openvdb::Vec3d> corners(vertices);
-    for (std::size_t i = 0; i < vertices; ++i) corners[i] = {points[3 * i], points[3 * i + 1], points[3 * i + 2]};
+    std::vector<openvdb::Vec3s> corners(vertices);
+    for (std::size_t i = 0; i < vertices; ++i) {
+        corners[i] = {float(points[3 * i]), float(points[3 * i + 1]), float(points[3 * i + 2])};
+    }
     std::vector<openvdb::Vec3I> faces(triangles.size() / 3);
     for (std::size_t i = 0; i < faces.size(); ++i) {
         faces[i] = {triangles[3 * i], triangles[3 * i + 1], triangles[3 * i + 2]};
@@ -73,7 +76,8 @@ std::unique_ptr<Bricks> mesh_depth(rust::Slice<const double> points, rust::Slice
     // Where bands end, samples near edges and corners may be missed: kMargin voxels farther, those that count are there.
     constexpr float kMargin = 2.0f;
     // Renormalising smooths bumps where surfaces cross, and moves distances everywhere else: here they are distances.
-    const auto grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(mesh, openvdb::math::Transform(), exterior + kMargin,
+    openvdb::util::NullInterrupter uninterrupted;
+    const auto grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(uninterrupted, mesh, openvdb::math::Transform(), exterior + kMargin,
                                                                        interior + kMargin, openvdb::tools::DISABLE_RENORMALIZATION, &nearest);
     auto inside = std::make_unique<Bricks::Inside>();
     inside->max_voxels = max_voxels;

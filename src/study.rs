@@ -22,6 +22,7 @@ use std::time::Instant;
 use thesis::{CUMULUS, SIZE, TESTS, Test};
 
 pub mod accuracy;
+mod chart;
 pub mod duality;
 mod files;
 mod journal;

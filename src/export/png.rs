@@ -17,7 +17,7 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Write`], also for a film without pixels.
 pub fn write(path: &Path, film: &Film, exposure: f64) -> Result<()> {
-    let bytes = encode(film, exposure).map_err(|reason| Error::Write {
+    let bytes = shown(film, exposure).map_err(|reason| Error::Write {
         target: path.into(),
         reason: format!("a picture of {} x {} pixels cannot be written as PNG ({reason})", film.width, film.height),
         fix: "Choose another size".into(),
@@ -26,17 +26,25 @@ pub fn write(path: &Path, film: &Film, exposure: f64) -> Result<()> {
 }
 
 /// A film as PNG, in memory.
-fn encode(film: &Film, exposure: f64) -> std::result::Result<Vec<u8>, png::EncodingError> {
+fn shown(film: &Film, exposure: f64) -> std::result::Result<Vec<u8>, png::EncodingError> {
     let gain = exposure.exp2();
     let byte = |c: f64| (c * 255.0).round() as u8;
     let shown: Vec<[u8; 3]> = film.pixels.par_iter().map(|p| tone::agx(p.combined().map(|c| f64::from(c) * gain)).map(byte)).collect();
+    encode(film.width, film.height, shown.as_flattened())
+}
+
+/// Pixels of three bytes, sRGB, as PNG, in memory.
+///
+/// # Errors
+/// Where there is no pixel.
+pub fn encode(width: u32, height: u32, pixels: &[u8]) -> std::result::Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, film.width, film.height);
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(shown.as_flattened())?;
+    writer.write_image_data(pixels)?;
     writer.finish()?;
     Ok(bytes)
 }
@@ -69,13 +77,13 @@ mod tests {
             .iter()
             .flat_map(|p| tone::agx(p.combined().map(|c| 2.0 * f64::from(c))).map(|c| (c * 255.0).round() as u8))
             .collect();
-        assert_eq!(decode(&encode(&film, 1.0).unwrap()), expected);
-        assert_eq!(encode(&film, 1.0).unwrap(), encode(&film, 1.0).unwrap());
+        assert_eq!(decode(&shown(&film, 1.0).unwrap()), expected);
+        assert_eq!(shown(&film, 1.0).unwrap(), shown(&film, 1.0).unwrap());
     }
 
     #[test]
     fn black_grey_and_white_are_shown_as_such_and_exposure_counts_in_stops() {
-        let level = |light: f32, stops: f64| decode(&encode(&film(1, 1, |_| [light; 3]), stops).unwrap());
+        let level = |light: f32, stops: f64| decode(&shown(&film(1, 1, |_| [light; 3]), stops).unwrap());
         assert_eq!(level(0.0, 20.0), [0; 3]);
         assert_eq!(level(0.18, 0.0), [118; 3]);
         assert_eq!(level(0.18 / 8.0, 3.0), [118; 3]);
@@ -86,7 +94,7 @@ mod tests {
     #[test]
     fn what_is_no_light_is_neither_white_nor_an_end() {
         let odd = [f32::NAN, f32::NEG_INFINITY, -1.0, f32::INFINITY, f32::MAX];
-        let shown = decode(&encode(&film(5, 1, |i| [odd[i as usize]; 3]), 0.0).unwrap());
+        let shown = decode(&shown(&film(5, 1, |i| [odd[i as usize]; 3]), 0.0).unwrap());
         assert_eq!(shown, [[0; 3], [0; 3], [0; 3], [255; 3], [255; 3]].as_flattened());
     }
 

@@ -5,12 +5,14 @@
 //! (I - A)(I - B), which the reference's own noise leaves unbiased ([`figures`]).
 
 mod against;
+mod change;
 mod figures;
 pub(super) mod page;
 mod plot;
 mod store;
 
 pub use against::{Against, against};
+pub use change::Change;
 pub use figures::{Cell, Figures, Line};
 
 use crate::error::{Error, Result};
@@ -22,6 +24,7 @@ use crate::pipeline::{self, Picture};
 use crate::progress::Progress;
 use crate::regions::Duality;
 use crate::scene::{Framed, Scene, View};
+use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::Instant;
 use store::Store;
@@ -68,6 +71,8 @@ pub struct Setting {
     pub integrator: Integrator,
     /// Samples a pixel of `path`, photons of the others.
     pub work: u64,
+    /// What else is not as usual.
+    pub change: Option<Change>,
 }
 
 /// Runs what is not there yet, writes the tables, the plot and the page, and gives the figures. `told` gets a line for each picture.
@@ -83,7 +88,7 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
     let stage = Stage { scene: &layout.scene, framed: &framed, view };
     let mut store = Store::open(job, &layout.source_hash, &stage)?;
     let spp = job.reference.unwrap_or(REFERENCE[quick]).into();
-    let reference = Setting { integrator: Integrator::Path, work: spp };
+    let reference = Setting { integrator: Integrator::Path, work: spp, change: None };
     for seed in HALVES {
         stage.take(reference, seed, &mut store, told, progress)?;
     }
@@ -102,8 +107,10 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
             told(&format!("{}: {reason}", figures::name(integrator)));
             continue;
         }
-        for &work in works {
-            let setting = Setting { integrator, work };
+        let usual = works.iter().map(|&work| Setting { integrator, work, change: None });
+        // The second last: what is usual stands beside it.
+        let changed = Change::of(integrator, &layout.scene, works[works.len() - 2], job.quick);
+        for setting in usual.chain(changed) {
             for seed in job.seed..job.seed + SEEDS[quick] {
                 stage.take(setting, seed, &mut store, told, progress)?;
             }
@@ -140,18 +147,30 @@ impl Stage<'_> {
         if store.run(setting, seed).is_some() {
             return Ok(());
         }
+        let scene = match setting.change {
+            Some(Change::Voxels(size)) => Cow::Owned(change::voxels(self.scene, size, progress)?),
+            _ => Cow::Borrowed(self.scene),
+        };
         let path = setting.integrator == Integrator::Path;
         let spp = if path { u32::try_from(setting.work).unwrap_or(u32::MAX) } else { SPP };
         let photons = if path { 0 } else { setting.work };
-        let picture = Picture { integrator: Some(setting.integrator), spp: Some(spp), view: self.view, ..Picture::default() };
-        let settings = picture.settings(self.scene, self.framed, photons, &Duality { seed, ..Duality::default() });
+        let mut picture = Picture { integrator: Some(setting.integrator), spp: Some(spp), view: self.view, ..Picture::default() };
+        let mut duality = Duality { seed, ..Duality::default() };
+        match setting.change {
+            Some(Change::Estimate(n)) => duality.estimate = Some(n),
+            Some(Change::Step(step)) => picture.step = step,
+            Some(Change::Voxels(_)) | None => {}
+        }
+        let settings = picture.settings(&scene, self.framed, photons, &duality);
         let begun = Instant::now();
-        let (film, render) = pipeline::take(self.scene, self.framed, &settings, None, progress)?;
+        let (film, render) = pipeline::take(&scene, self.framed, &settings, None, progress)?;
         progress.check()?;
         let seconds = begun.elapsed().as_secs_f64();
         let stated = render.relative_error;
         store.add(setting, seed, seconds, peak_memory(), stated, &film)?;
-        told(&format!("{} {:>9} seed {:<3} {:8.2} s", figures::name(setting.integrator), setting.work, seed % HALVES[0], seconds));
+        let changed = setting.change.map_or(String::new(), |change| format!("  {change}"));
+        let name = figures::name(setting.integrator);
+        told(&format!("{name} {:>9} seed {:<3} {seconds:8.2} s{changed}", setting.work, seed % HALVES[0]));
         Ok(())
     }
 }

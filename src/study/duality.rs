@@ -12,6 +12,7 @@ mod plot;
 mod tables;
 
 use super::accuracy::sized;
+use super::chart;
 use super::journal::{Head, Journal};
 use crate::error::{Error, Result};
 use crate::export::staged::{Staged, write_bytes};
@@ -173,12 +174,18 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
     }
     let name = job.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let findings = Findings { scene: name, size: [framed.width, framed.height], names: measure::NAMES, cells, pictures };
-    let drawn = plot::draw(&findings);
+    let drawn = chart::svg(&findings);
     let page = tables::page(&findings, &drawn);
+    let files = [
+        ("duality.csv", findings.csv().into_bytes()),
+        ("duality.json", findings.json().into_bytes()),
+        ("duality.svg", drawn.into_bytes()),
+        ("duality.png", chart::png(&findings)),
+        ("duality.html", page.into_bytes()),
+    ];
     let mut staged = Staged::default();
-    for (name, text) in [("duality.csv", findings.csv()), ("duality.json", findings.json()), ("duality.svg", drawn), ("duality.html", page)]
-    {
-        staged.add(&job.output.join(name), |path| write_bytes(path, text.as_bytes()))?;
+    for (name, bytes) in files.iter().filter(|(_, bytes)| !bytes.is_empty()) {
+        staged.add(&job.output.join(name), |path| write_bytes(path, bytes))?;
     }
     staged.commit(true)?;
     Ok(findings)

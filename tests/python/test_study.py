@@ -193,15 +193,19 @@ def test_what_accuracy_costs_goes_on_where_it_was_interrupted(tmp_path):
     assert 1 < len(before) < 30 and not (folder / "study.csv").exists()
     ran = succeed(*asked, "--json")
     found, after = json.loads(ran.out), lines.read_text().splitlines()
-    assert after[:len(before)] == before and len(after) == 1 + 2 + 9 * 3 and len(set(after)) == len(after)
-    assert [(c["integrator"], c["seeds"]) for c in found["cells"]] == [(name, 3) for name in ("path", "grid", "photon") for _ in range(3)]
+    # Beside three settings of each, voxels of two sizes, an estimate and a step.
+    assert after[:len(before)] == before and len(after) == 1 + 2 + 13 * 3 and len(set(after)) == len(after)
+    assert [(c["integrator"], c["seeds"]) for c in found["cells"]] == [("path", 3)] * 3 + [("grid", 3)] * 5 + [("photon", 3)] * 5
+    changes = [list(c["change"])[0] for c in found["cells"] if c["change"]]
+    assert changes == ["voxels", "voxels", "estimate", "step"]
     table = rows(folder / "study.csv")
     assert [float(row["error"]) for row in table] == pytest.approx([max(c["square"], 0) ** 0.5 for c in found["cells"]], abs=1e-5)
     runs = [json.loads(line) for line in after[1:]]
-    seconds = sorted(run["seconds"] for run in runs if (run["integrator"], run["work"]) == ("grid", 30_000))
+    seconds = sorted(run["seconds"] for run in runs if (run["integrator"], run["work"], run["change"]) == ("grid", 30_000, None))
     assert found["cells"][4]["seconds"] == seconds[1]
     # The path tracer's noise falls about as it must: 432 pixels and three seeds say no more than that.
     assert abs(found["lines"][0]["noise_falls"] + 1.0) < 0.3
+    assert (folder / "error.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     page = (folder / "index.html").read_text()
     assert "<svg" in page and page.count("data:image/png;base64,") == 7 and "http" not in page.replace("http://www.w3.org/2000/svg", "")
     # Somebody else's picture: one of its own.

@@ -242,7 +242,10 @@ pub struct Figures {
 
 impl Figures {
     pub(super) fn new(job: &Job, size: [u32; 2], reference_samples: u64, truth: Truth, cells: Vec<Cell>, others: Vec<Other>) -> Self {
-        let of = |integrator: Integrator| cells.iter().filter(move |c| c.setting.integrator == integrator).collect::<Vec<&Cell>>();
+        let of = |integrator: Integrator| {
+            let usual = cells.iter().filter(move |c| c.setting.integrator == integrator && c.setting.change.is_none());
+            usual.collect::<Vec<&Cell>>()
+        };
         let all = [Integrator::Path, Integrator::Grid, Integrator::Photon];
         let lines: Vec<Line> = all.into_iter().filter_map(|integrator| Line::new(integrator, &of(integrator))).collect();
         let beaten = |c: &Cell| cells.iter().any(|o| o.seconds < c.seconds && o.error() < c.error());
@@ -265,8 +268,9 @@ impl Figures {
         text += &format!("{:<8}{:>9}{:>10}{:>10}{:>10}{:>10}\n", "", "work", "seconds", "error", "noise", "stated");
         for c in &self.cells {
             let (error, noise, stated) = (percent(c.error()), percent(c.noise_square.sqrt()), c.stated.map_or("-".into(), percent));
-            text +=
-                &format!("{:<8}{:>9}{:>10.2}{error:>10}{noise:>10}{stated:>10}\n", name(c.setting.integrator), c.setting.work, c.seconds);
+            let changed = c.setting.change.map_or(String::new(), |change| format!("  {change}"));
+            let name = name(c.setting.integrator);
+            text += &format!("{name:<8}{:>9}{:>10.2}{error:>10}{noise:>10}{stated:>10}{changed}\n", c.setting.work, c.seconds);
         }
         for o in &self.others {
             text += &format!("{:<17}{:>10.2}{:>10}\n", o.name, o.seconds, percent(o.error));
@@ -283,14 +287,16 @@ impl Figures {
 
     /// A line for each cell.
     pub fn csv(&self) -> String {
-        let mut text =
-            String::from("integrator,work,seeds,seconds,peak_memory_bytes,error,noise,bias_square,square_standard_error,mean_off,stated\n");
+        let mut text = String::from(
+            "integrator,work,change,seeds,seconds,peak_memory_bytes,error,noise,bias_square,square_standard_error,mean_off,stated\n",
+        );
         for c in &self.cells {
             let stated = c.stated.map_or(String::new(), |s| format!("{s:.6}"));
             text += &format!(
-                "{},{},{},{:.3},{},{:.6},{:.6},{:.3e},{:.3e},{:.6},{stated}\n",
+                "{},{},{},{},{:.3},{},{:.6},{:.6},{:.3e},{:.3e},{:.6},{stated}\n",
                 name(c.setting.integrator),
                 c.setting.work,
+                c.setting.change.map_or(String::new(), |change| change.to_string()),
                 c.seeds,
                 c.seconds,
                 c.peak_memory,
@@ -344,8 +350,13 @@ mod tests {
         let light: Vec<f32> = (0..4000).map(|i| 1.0 + (i % 7) as f32 / 7.0).collect();
         let truth = Truth::new(noisy(&mut rng, &light, 0.0, 0.05), noisy(&mut rng, &light, 0.0, 0.05), 80).unwrap();
         assert!((truth.noise() * truth.mean / (0.05 / 2f64.sqrt()) - 1.0).abs() < 0.05);
-        let run =
-            |seed| Run { setting: Setting { integrator: Integrator::Grid, work: 100 }, seed, seconds: 1.0, peak_memory: 1, stated: None };
+        let run = |seed| Run {
+            setting: Setting { integrator: Integrator::Grid, work: 100, change: None },
+            seed,
+            seconds: 1.0,
+            peak_memory: 1,
+            stated: None,
+        };
         for (bias, noise) in [(0.0, 0.05), (0.03, 0.05), (0.05, 0.01)] {
             let runs: Vec<_> = (0..8).map(|seed| (run(seed), noisy(&mut rng, &light, bias, noise))).collect();
             let cell = Cell::new(runs[0].0.setting, &runs, &truth);
@@ -365,7 +376,7 @@ mod tests {
     #[test]
     fn lines_foretell_what_they_were_made_by() {
         let cell = |integrator, work: u64, noise: f64, bias: f64, seconds| Cell {
-            setting: Setting { integrator, work },
+            setting: Setting { integrator, work, change: None },
             seeds: 4,
             seconds,
             peak_memory: 0,

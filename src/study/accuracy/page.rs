@@ -22,7 +22,8 @@ pub(super) fn page(figures: &Figures, plot: &str) -> String {
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{scene}: what accuracy costs</title><style>{STYLE}</style>\
          <h1>{scene}: what accuracy costs</h1><p>{width} x {height} pixels. The reference is the path tracer's, twice {} samples a pixel, \
          known to {} a pixel; that noise is in no figure here. Errors are the root mean square over lit pixels, over their mean. Bars are two \
-         standard errors by the scatter of seeds; lines are fits, dashed ones the bias of the last setting.</p>{plot}",
+         standard errors by the scatter of seeds; lines are fits, dashed ones the bias of the last setting. Pale marks differ in one setting \
+         from those on the lines.</p>{plot}",
         figures.reference_samples,
         percent(figures.reference_noise),
     );
@@ -48,10 +49,11 @@ pub(super) fn page(figures: &Figures, plot: &str) -> String {
     for (i, cell) in figures.cells.iter().enumerate() {
         let best = if figures.pareto.contains(&i) { " *" } else { "" };
         text += &format!(
-            "<tr><td>{}{best}</td><td>{} {}</td><td>{:.2}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:+.2} %</td><td>{}</td></tr>",
+            "<tr><td>{}{best}</td><td>{} {}{}</td><td>{:.2}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:+.2} %</td><td>{}</td></tr>",
             name(cell.setting.integrator),
             cell.setting.work,
             unit(cell.setting.integrator),
+            cell.setting.change.map_or(String::new(), |change| format!(", {change}")),
             cell.seconds,
             percent(cell.error()),
             percent(cell.noise_square.sqrt()),
@@ -80,7 +82,9 @@ pub(super) fn page(figures: &Figures, plot: &str) -> String {
     let exposure = f64::from((0.35 / mean.max(f32::MIN_POSITIVE)).log2());
     text += &shown("reference", truth, exposure);
     for line in &figures.lines {
-        let Some(cell) = figures.cells.iter().rfind(|c| c.setting.integrator == line.integrator) else { continue };
+        let Some(cell) = figures.cells.iter().rfind(|c| c.setting.integrator == line.integrator && c.setting.change.is_none()) else {
+            continue;
+        };
         let label = format!("{}, {} {}", name(line.integrator), cell.setting.work, unit(line.integrator));
         let off: Vec<[f32; 3]> = cell.picture.iter().zip(truth).map(|(a, b)| signed((a[1] - b[1]) / mean / FULL)).collect();
         text += &format!("<div>{}{}</div>", shown(&label, &cell.picture, exposure), shown(&format!("{label}: off"), &off, 0.0));

@@ -1,13 +1,10 @@
-//! Error against time, as SVG.
+//! Error against time.
 
 use super::figures::{Cell, Figures, GOALS, Line, name};
 use crate::integrate::Integrator;
+use crate::study::chart::{COLOURS, Drawn, FONT, Plot, number};
+use plotters::coord::Shift;
 use plotters::prelude::*;
-
-/// Colours that the colour-blind tell apart (Okabe and Ito 2008): of `path`, `grid`, `photon`, and of others.
-const COLOURS: [RGBColor; 4] = [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
-const SIZE: (u32, u32) = (960, 640);
-const FONT: &str = "sans-serif";
 
 fn colour(integrator: Integrator) -> RGBColor {
     match integrator {
@@ -17,26 +14,31 @@ fn colour(integrator: Integrator) -> RGBColor {
     }
 }
 
-/// Draws error against time, both by decades: cells with two standard errors, the lines through them, bias floors, goals, others.
-pub(super) fn error_by_time(figures: &Figures) -> String {
-    let mut text = String::new();
-    // A plot that cannot be drawn is no reason to lose the study.
-    if draw(figures, &mut text).is_err() {
-        text.clear();
+/// Error against time, both by decades: cells with two standard errors, the lines through them, bias floors, goals, others. Pale marks
+/// are cells of which one setting is not as usual.
+impl Plot for Figures {
+    const SIZE: (u32, u32) = (960, 640);
+
+    fn draw<DB: DrawingBackend>(&self, root: DrawingArea<DB, Shift>) -> Drawn
+    where
+        DB::ErrorType: 'static,
+    {
+        draw(self, &root)
     }
-    text
 }
 
-fn draw(figures: &Figures, into: &mut String) -> Result<(), Box<dyn std::error::Error>> {
+fn draw<DB: DrawingBackend>(figures: &Figures, root: &DrawingArea<DB, Shift>) -> Drawn
+where
+    DB::ErrorType: 'static,
+{
     let shown: Vec<&Cell> = figures.cells.iter().filter(|c| c.error() > 0.0).collect();
     let times = shown.iter().map(|c| c.seconds).chain(figures.others.iter().map(|o| o.seconds));
     let errors = shown.iter().map(|c| c.error()).chain(figures.others.iter().map(|o| o.error)).filter(|e| *e > 0.0);
     let span = |values: &mut dyn Iterator<Item = f64>| values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
     let ((early, late), (low, high)) = (span(&mut times.into_iter()), span(&mut errors.into_iter()));
     let (left, right, bottom, top) = (early / 2.0, late * 6.0, (low / 3.0).min(0.004), high * 2.0);
-    let root = SVGBackend::with_string(into, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(root)
         .caption(format!("{}, {} x {} pixels", figures.scene, figures.size[0], figures.size[1]), (FONT, 22))
         .margin(16)
         .x_label_area_size(52)
@@ -76,7 +78,8 @@ fn draw(figures: &Figures, into: &mut String) -> Result<(), Box<dyn std::error::
         }
     }
     for cell in &shown {
-        let (colour, at) = (colour(cell.setting.integrator), (cell.seconds, cell.error()));
+        let shade = if cell.setting.change.is_some() { 0.35 } else { 1.0 };
+        let (colour, at) = (colour(cell.setting.integrator).mix(shade), (cell.seconds, cell.error()));
         let bar = |sign: f64| (cell.square + sign * 2.0 * cell.square_error).max(bottom * bottom).sqrt();
         chart.draw_series([PathElement::new([(at.0, bar(-1.0)), (at.0, bar(1.0))], colour.stroke_width(2))])?;
         match cell.setting.integrator {
@@ -111,10 +114,4 @@ pub(super) fn unit(integrator: Integrator) -> &'static str {
 
 fn doubt(line: &Line) -> String {
     line.noise_falls_error.map_or(String::new(), |e| format!(" \u{b1} {e:.2}"))
-}
-
-/// A number with as many digits as it needs.
-fn number(x: f64) -> String {
-    let text = if x >= 10.0 { format!("{x:.0}") } else { format!("{x:.3}") };
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
 }

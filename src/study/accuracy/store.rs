@@ -1,11 +1,12 @@
 //! The study's folder: pictures that are done, a line for each, and at the end the tables, the plot and the page.
 
 use super::figures::Figures;
-use super::{Job, Setting, Stage, page, plot};
+use super::{Job, Setting, Stage, page};
 use crate::error::{Error, Result};
 use crate::export::staged::{Staged, write_bytes};
 use crate::film::Film;
 use crate::import::sky::read_exr;
+use crate::study::chart;
 use crate::study::journal::{Head, Journal};
 use std::path::{Path, PathBuf};
 
@@ -49,7 +50,8 @@ impl Store {
 
     fn path(&self, setting: Setting, seed: u64) -> PathBuf {
         let name = super::figures::name(setting.integrator);
-        self.folder.join(PICTURES).join(format!("{name}_{}_{seed}.exr", setting.work))
+        let changed = setting.change.map_or(String::new(), |change| format!("_{}", change.to_string().replace(' ', "-")));
+        self.folder.join(PICTURES).join(format!("{name}_{}{changed}_{seed}.exr", setting.work))
     }
 
     /// A run that is done, with its picture.
@@ -79,12 +81,18 @@ impl Store {
 
     /// Writes what the study found.
     pub fn write(&self, figures: &Figures) -> Result<()> {
-        let drawn = plot::error_by_time(figures);
+        let drawn = chart::svg(figures);
         let page = page::page(figures, &drawn);
-        let files = [("study.csv", figures.csv()), ("study.json", figures.json()), ("error.svg", drawn), ("index.html", page)];
+        let files = [
+            ("study.csv", figures.csv().into_bytes()),
+            ("study.json", figures.json().into_bytes()),
+            ("error.svg", drawn.into_bytes()),
+            ("error.png", chart::png(figures)),
+            ("index.html", page.into_bytes()),
+        ];
         let mut staged = Staged::default();
-        for (name, text) in files {
-            staged.add(&self.folder.join(name), |path| write_bytes(path, text.as_bytes()))?;
+        for (name, bytes) in files.iter().filter(|(_, bytes)| !bytes.is_empty()) {
+            staged.add(&self.folder.join(name), |path| write_bytes(path, bytes))?;
         }
         staged.commit(true)
     }

@@ -3,16 +3,9 @@
 use super::measure::{DEPTH_SQUARE, RADIANCE_SQUARE, TRANSMITTANCE_SQUARE, UNCOVERED};
 use super::{Cell, Findings, Setting};
 use crate::regions::Placement;
+use crate::study::chart::{COLOURS, Drawn, FONT, Plot, number};
 use plotters::coord::Shift;
 use plotters::prelude::*;
-
-/// Colours that the colour-blind tell apart (Okabe and Ito 2008).
-const COLOURS: [RGBColor; 4] = [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
-const SIZE: (u32, u32) = (1120, 520);
-const FONT: &str = "sans-serif";
-
-type Drawn = Result<(), Box<dyn std::error::Error>>;
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// One line of a chart: its name, and where it goes with two standard errors.
 struct Curve {
@@ -22,26 +15,23 @@ struct Curve {
     points: Vec<(f64, f64, f64)>,
 }
 
-/// Draws what stays uncovered by photons, and what more layers make of it.
-pub(super) fn draw(findings: &Findings) -> String {
-    let mut text = String::new();
-    // A plot that cannot be drawn is no reason to lose the study.
-    if both(findings, &mut text).is_err() {
-        text.clear();
-    }
-    text
-}
+/// What stays uncovered by photons, and what more layers make of it.
+impl Plot for Findings {
+    const SIZE: (u32, u32) = (1120, 520);
 
-fn both(findings: &Findings, into: &mut String) -> Drawn {
-    let root = SVGBackend::with_string(into, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
-    let root = root.titled(&format!("{}: the duality's regions and the layout", findings.scene), (FONT, 22))?;
-    let halves = root.split_evenly((1, 2));
-    let [left, right] = &halves[..] else { return Ok(()) };
-    chart(left, "photons stored", "share of the optical mass left uncovered", &by_photons(findings), &[(-1f64).exp()])?;
-    chart(right, "dualities that share the extinction (100k photons each)", "of the layout's", &by_layers(findings), &[])?;
-    root.present()?;
-    Ok(())
+    fn draw<DB: DrawingBackend>(&self, root: DrawingArea<DB, Shift>) -> Drawn
+    where
+        DB::ErrorType: 'static,
+    {
+        root.fill(&WHITE)?;
+        let root = root.titled(&format!("{}: the duality's regions and the layout", self.scene), (FONT, 22))?;
+        let halves = root.split_evenly((1, 2));
+        let [left, right] = &halves[..] else { return Ok(()) };
+        chart(left, "photons stored", "share of the optical mass left uncovered", &by_photons(self), &[(-1f64).exp()])?;
+        chart(right, "dualities that share the extinction (100k photons each)", "of the layout's", &by_layers(self), &[])?;
+        root.present()?;
+        Ok(())
+    }
 }
 
 fn curve(findings: &Findings, name: String, number: usize, of: impl Fn(&Cell) -> Option<(f64, f64, f64)>) -> Curve {
@@ -89,7 +79,10 @@ fn by_layers(findings: &Findings) -> Vec<Curve> {
     ]
 }
 
-fn chart(area: &Area, x: &str, y: &str, curves: &[Curve], levels: &[f64]) -> Drawn {
+fn chart<DB: DrawingBackend>(area: &DrawingArea<DB, Shift>, x: &str, y: &str, curves: &[Curve], levels: &[f64]) -> Drawn
+where
+    DB::ErrorType: 'static,
+{
     let all = || curves.iter().flat_map(|c| c.points.iter()).filter(|p| p.1 > 0.0);
     let span = |of: fn(&(f64, f64, f64)) -> f64| all().map(of).fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(v), b.max(v)));
     let ((left, right), (low, high)) = (span(|p| p.0), span(|p| p.1));
@@ -145,14 +138,4 @@ fn chart(area: &Area, x: &str, y: &str, curves: &[Curve], levels: &[f64]) -> Dra
         .border_style(BLACK.mix(0.3))
         .draw()?;
     Ok(())
-}
-
-/// A number with as many digits as it needs.
-fn number(x: f64) -> String {
-    match x {
-        1e6.. => format!("{}M", x / 1e6),
-        1e4.. => format!("{}k", x / 1e3),
-        10.0.. => format!("{x:.0}"),
-        _ => format!("{x:.3}").trim_end_matches('0').trim_end_matches('.').to_string(),
-    }
 }
