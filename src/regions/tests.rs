@@ -333,4 +333,5 @@ fn sticking_out_is_what_a_finer_count_says() {
 }
 
 mod cloud;
+mod crowded;
 mod statistics;

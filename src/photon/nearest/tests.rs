@@ -90,3 +90,11 @@ fn photons_in_one_point_in_a_line_and_in_a_plane_are_found() {
     }
     assert!(Nearest::new(Vec::new(), 5, None).find(Vec3::ZERO, &mut Neighbourhood::default()).is_none());
 }
+
+#[test]
+fn of_a_million_photons_in_one_point_or_plane_the_nearest_are_found() {
+    let mut rng = Rng::new(6, Stage::Gather, 0);
+    let points: Vec<Vec3> = (0..3).map(|_| ball(&mut rng) * 2.0).chain([Vec3::ONE, Vec3::ONE]).collect();
+    check("point", vec![photon(Vec3::ONE); 1_000_000], 1000, None, &points);
+    check("plane", (0..1_000_000).map(|_| photon(ball(&mut rng) * Vec3::new(1.0, 1.0, 0.0))).collect(), 1000, None, &points);
+}

@@ -90,8 +90,9 @@ where
         return Ok(());
     }
     let (left, right, low) = (left / 1.4, right * 1.4, levels.iter().fold(low, |a, &b| a.min(b)));
-    // Room above for the names.
-    let (bottom, top) = (low / 1.6, high * (high / low).max(2.0).powf(0.7));
+    // By whole decades, which have numbers; room above for the names.
+    let decade = |x: f64| 10f64.powf(x);
+    let (bottom, top) = (decade((low / 1.1).log10().floor()), decade(high.log10().ceil()).max(high * (high / low).max(2.0).powf(0.7)));
     let mut chart = ChartBuilder::on(area)
         .margin(12)
         .x_label_area_size(48)
@@ -101,6 +102,7 @@ where
         .configure_mesh()
         .x_desc(x)
         .y_desc(y)
+        .x_labels(5)
         .axis_desc_style((FONT, 16))
         .label_style((FONT, 14))
         .light_line_style(BLACK.mix(0.05))

@@ -88,7 +88,7 @@ impl Findings {
 pub(super) fn page(findings: &Findings, plot: &str) -> String {
     let scene = escaped(&findings.scene);
     let mut text = format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{scene}: the duality</title><style>{STYLE}table{{font-size:.8em}}</style>\
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{scene}: the duality</title><style>{STYLE}table{{font-size:.72em}}td{{white-space:nowrap}}</style>\
          <h1>{scene}: what the duality changes</h1>{plot}<p>The new regions have the layout's optical mass, at other places. <i>Uncovered</i> is \
          what of that mass lay where no new region is: of balls at random places with the volume of what they stand for 1/e, more where they \
          stick out of it; photons do not change that. Dualities that share the extinction (each with a part of it) close it. <i>In place</i> is \
