@@ -19,7 +19,6 @@ import command
 import peers
 
 SIDE, FRONT, AGAINST = (0.8, 0.4, -0.6), (0.1, 0.9, -0.4), (-0.1, -0.9, -0.35)
-GROUND = {"z": -1.2, "albedo": 0.3, "half_size": 100.0}
 
 
 def heap(count, seed, sigma, **medium):

@@ -34,6 +34,13 @@ BOUNCES = 256
 SUN = {"direction": (0.8, 0.4, -0.6), "irradiance": 3.0, "angle": 0.00918}
 
 
+# Two balls and their beams in a layer of haze above a ground, against the sun.
+BEAMS = {"balls": [{"centre": centre, "radius": radius, "sigma": 9.0, "albedo": 0.95, "g": 0.6}
+                   for centre, radius in (((-0.6, 0.2, 1.0), 0.6), ((0.8, 0.4, 1.1), 0.5))],
+         "haze": {"sigma": 0.12, "albedo": 0.95, "g": 0.6, "base": -1.0, "top": 2.0, "half_size": 100.0},
+         "sun": {"direction": (0.2, -0.75, -0.6), "angle": 1e-4}, "ground": {"z": -0.8, "albedo": 0.5}}
+
+
 @dataclasses.dataclass
 class Shots:
     """Pictures of one scene, one a seed."""

@@ -163,9 +163,7 @@ def test_balls_as_cycles_has_them(cloudvdb, tmp_path, name):
     agrees(stated(ours), Picture.from_seeds(peers.cycles(BALLS[name], samples=512, seeds=12).images), name)
 
 
-HAZE = {"sigma": 0.12, "albedo": 0.95, "g": 0.6, "base": -1.0, "top": 2.0, "half_size": 100.0}
-BEAMS = described(balls=[ball((-0.6, 0.2, 1.0), 0.6, 9.0, 0.95, 0.6), ball((0.8, 0.4, 1.1), 0.5, 9.0, 0.95, 0.6)], haze=HAZE,
-                  sun={"direction": (0.2, -0.75, -0.6), **POINT}, ground=GROUND)
+BEAMS = described(**peers.BEAMS)
 
 
 def test_beams_in_haze_as_mitsuba_has_them(cloudvdb, tmp_path, mitsuba):
