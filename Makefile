@@ -8,6 +8,8 @@ SHELL := /bin/bash
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
 
 BUILD_PACKAGES := g++ make pkg-config ca-certificates libopenvdb-dev libboost-dev libimath-dev libtbb-dev
+# Open MPI, and what makes Rust's bindings to it.
+MPI_PACKAGES := libopenmpi-dev openmpi-bin libclang-dev
 # OpenVDB's own Python module is the tests' independent reader; the libraries are those that Blender as a module loads.
 TEST_PACKAGES := python3 python3-venv python3-numpy python3-openvdb \
 	libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1 libegl1
@@ -39,7 +41,7 @@ fi
 endef
 .ONESHELL:
 
-.PHONY: help demo build test bench addon scenes crosscheck crosscheck-speed fuzz sanitize study lint clean build-packages test-packages rust
+.PHONY: help demo build mpi test test-mpi bench addon scenes crosscheck crosscheck-speed fuzz sanitize study lint clean build-packages test-packages rust
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 26
@@ -53,9 +55,19 @@ demo: build ## A cumulus from the layout in scenes/, as out/cumulus.vdb and out/
 build: build-packages rust ## The command, target/release/cloudvdb
 	cargo build --release
 
+mpi: build-packages rust ## The command for many machines, target/mpi/cloudvdb (mpirun -n 4 target/mpi/cloudvdb ...)
+	@$(call need,$(MPI_PACKAGES))
+	cargo build --release --features mpi
+	# The ordinary build puts its own command back in its place.
+	mkdir -p target/mpi
+	cp target/release/cloudvdb target/mpi/cloudvdb
+
 test: build test-packages $(VENV)/.stamp ## All tests: Rust's, then those that use Blender and OpenVDB from Python
 	cargo test --release
 	$(PYTEST) -n 2 --dist loadfile
+
+test-mpi: mpi test-packages $(VENV)/.stamp ## The same bytes on 1 to 4 ranks; ranks that die; checkpoints
+	CLOUDVDB=target/mpi/cloudvdb CLOUDVDB_MPI=target/mpi/cloudvdb $(PYTEST)/test_mpi.py
 
 bench: build ## Criterion's benchmarks
 	cargo bench

@@ -76,7 +76,7 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
             "--paper takes the thesis's layouts as they are: leave out what changes the scene, its light or its camera".into(),
         ));
     }
-    let watch = watched(&arguments.manners, false)?;
+    let watch = watched(&arguments.manners, false, None)?;
     let job = Job {
         inputs: arguments.inputs.clone(),
         parts: arguments.tests.clone(),
@@ -111,7 +111,7 @@ fn accuracy(arguments: &StudyArguments) -> Result<(), Error> {
         let reason = "a study is of one scene and goes into a folder: cloudvdb study scene.glb -o study/; with --paper it is of the thesis's layouts";
         return Err(Error::Usage(reason.into()));
     };
-    let watch = watched(&arguments.manners, false)?;
+    let watch = watched(&arguments.manners, false, None)?;
     let job = accuracy::Job {
         input: input.clone(),
         import: arguments.scene.import(),
@@ -132,7 +132,7 @@ fn accuracy(arguments: &StudyArguments) -> Result<(), Error> {
     };
     let result = accuracy::study(&job, &told, &watch);
     watch.finish();
-    let figures = result?;
+    let Some(figures) = result? else { return Ok(()) };
     print(
         if arguments.json { figures.json() } else { figures.table() + &format!("wrote {}\n", output.join("index.html").display()) }
             .as_bytes(),
