@@ -8,7 +8,7 @@ use crate::integrate::{Integrator, RenderSettings, render};
 use crate::photon::{Model, Tracer};
 use crate::plan::{Density, Plan};
 use crate::progress::{Crew, Progress, Silent, agreed, share, tally};
-use crate::scene::{Medium, Region, Scene, Shape, Surface, View};
+use crate::scene::{Medium, Region, Scene, Shape, View};
 use glam::DVec3;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

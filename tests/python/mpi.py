@@ -88,6 +88,7 @@ def hosts(folder):
     try:
         _ip("link", "add", bridge, "type", "bridge")
         made.append(("link", "del", bridge))
+        _ip("addr", "add", "10.97.0.254/24", "dev", bridge)
         _ip("link", "set", bridge, "up")
         for name, address in HOSTS.items():
             _ip("netns", "add", name)

@@ -20,7 +20,7 @@ needs_mpi = pytest.mark.skipif(mpi.why_not() is not None, reason=str(mpi.why_not
 SMALL = ("--size", "48x32", "--max-voxels", "60k", "-q")
 # What is run, and what it writes: every integrator, the duality, each way of baking, an error that is asked for.
 JOBS = {
-    "duality, grid, bake": (("--photons", "60k", "--spp", "4", "--bake", "sh1", "--voxel-size", "0.25"), ("a.vdb", "b.exr", "c.glb", "d.png")),
+    "duality, grid, bake": (("--photons", "20k", "--spp", "4", "--bake", "isotropic", "--no-check"), ("a.vdb", "b.exr", "c.glb", "d.png")),
     "path": (("--density", "source", "--integrator", "path", "--spp", "16"), ("b.exr",)),
     "photon": (("--density", "source", "--integrator", "photon", "--spp", "4", "--photons", "40k"), ("b.exr",)),
     "letter": (("--model", "hura2006", "--integrator", "photon", "--spp", "2", "--photons", "40k"), ("b.exr",)),
@@ -66,6 +66,18 @@ def test_any_number_of_ranks_writes_the_same_bytes(alone, tmp_path, name, ranks,
 
 
 @needs_mpi
+def test_all_directions_and_the_check_of_a_bake_are_those_of_one_process(tmp_path):
+    """Light by harmonics, its comparison with the path tracer, the sky's light in a group of its own: also what the report says of it."""
+    job = [SCENES / "two_spheres.gltf", "--density", "source", "--photons", "10k", "--bake", "sh1", "--voxel-size", "0.5", "--sky", "0.2,0.3,0.5", *SMALL, "-o", "a.vdb",
+           "--json"]
+    known = command.succeed(*job, cwd=tmp_path)
+    bytes_of_one = (tmp_path / "a.vdb").read_bytes()
+    _, out, _ = mpi.together(3, *job, "--overwrite", cwd=tmp_path)
+    assert json.loads(out)["bake"] == json.loads(known.out)["bake"]
+    assert (tmp_path / "a.vdb").read_bytes() == bytes_of_one
+
+
+@needs_mpi
 def test_without_mpirun_the_same_binary_runs_alone(alone, tmp_path):
     mpi.run([mpi.binary(), *words("path")], cwd=tmp_path)
     assert written(tmp_path) == alone("path")
@@ -81,7 +93,7 @@ def test_balance_and_study_are_those_of_one_process(tmp_path):
     known = balance(command.succeed(*flux).out)
     for ranks in (2, 3):
         assert balance(mpi.together(ranks, *flux)[1]) == known
-    study = ("study", scene, "--quick", "--size", "24x16", "--reference", "8", "-q", "-o")
+    study = ("study", scene, "--quick", "--size", "16x8", "--reference", "8", "-q", "-o")
     command.succeed(*study, tmp_path / "one")
     mpi.together(3, *study, tmp_path / "three")
     pictures = {path.name: path.read_bytes() for path in (tmp_path / "one" / "pictures").iterdir()}
@@ -95,7 +107,8 @@ def test_balance_and_study_are_those_of_one_process(tmp_path):
 
 @needs_mpi
 def test_one_rank_speaks_and_counts_what_all_do(tmp_path):
-    _, out, err = mpi.together(3, *words("path")[:-3], "--progress", "json", "--spp", "400", "-o", "b.exr", "--json", cwd=tmp_path)
+    job = [SCENES / "two_spheres.gltf", "--density", "source", "--integrator", "path", "--spp", "400", "--size", "48x32", "-o", "b.exr"]
+    _, out, err = mpi.together(3, *job, "--progress", "json", "--json", cwd=tmp_path)
     report = json.loads(out)
     assert report["together"]["ranks"] == 3 and report["together"]["bytes"] > 48 * 32 * 84
     events = [json.loads(text) for text in err.splitlines() if text.startswith("{")]
@@ -124,8 +137,8 @@ def folder(tmp_path):
     return path
 
 
-def ends(process, own, folder, says, within=15.0):
-    """The run must end with a code above 0 and a sentence, and leave nothing."""
+def ends(process, own, folder, says, within=15.0, hidden=False):
+    """The run must end with a code above 0 and a sentence, and leave nothing; but `hidden` files where no process could remove them."""
     begun = time.monotonic()
     try:
         _, err = process.communicate(timeout=within)
@@ -136,7 +149,8 @@ def ends(process, own, folder, says, within=15.0):
     assert any(text in err for text in says), err
     assert "panicked" not in err, err
     assert mpi.gone(own), f"left: {mpi.processes(own)} after {time.monotonic() - begun:.1f} s"
-    assert list(folder.iterdir()) == []
+    left = [path.name for path in folder.iterdir() if not hidden or not path.name.endswith(".part")]
+    assert left == []
 
 
 def started(own, ranks, process, within=20.0):
@@ -157,7 +171,7 @@ def test_a_rank_that_dies_ends_all(own, folder, which, by, after):
     ids = started(own, 3, process)
     time.sleep(after)
     os.kill(ids[which], by)
-    ends(process, own, folder, ["exited on signal", "non-zero status", "interrupted"])
+    ends(process, own, folder, ["exited on signal", "non-zero status", "interrupted"], hidden=which == 0 and by == signal.SIGKILL)
 
 
 @needs_mpi
@@ -201,9 +215,9 @@ def test_a_rank_out_of_memory_ends_all(own, folder):
                "--size", "640x480", "-o", "a.exr", "--threads", "1"]
     process = mpi.start(mpi.line((3, [own, *photons])), folder)
     ids = started(own, 3, process)
-    time.sleep(0.5)
+    time.sleep(2.0)
     subprocess.run(["prlimit", f"--pid={ids[1]}", "--as=200000000"], check=True)
-    ends(process, own, folder, ["no more memory"], within=60.0)
+    ends(process, own, folder, ["no more memory", "Free memory"], within=60.0)
 
 
 @needs_mpi
@@ -219,32 +233,32 @@ def test_what_all_refuse_is_said_once(own, folder):
 # ---------------------------------------------------------------------------------------------------- checkpoints
 
 PICTURES = {
-    "path": ("--density", "source", "--integrator", "path", "--spp", "300"),
-    "grid": ("--density", "source", "--integrator", "grid", "--photons", "600k", "--spp", "64"),
-    "duality": ("--photons", "200k", "--integrator", "path", "--spp", "60"),
+    "path": ("--density", "source", "--integrator", "path", "--spp", "120"),
+    "grid": ("--density", "source", "--integrator", "grid", "--photons", "150k", "--spp", "16"),
+    "duality": ("--photons", "1M", "--max-voxels", "200k"),
 }
 
 
 def resumable(name, output, *more):
-    return [SCENES / "cumulus.gltf", *PICTURES[name], "--size", "96x72", "--threads", "2", "-o", output, *more]
+    return [SCENES / "cumulus.gltf", *PICTURES[name], "--size", "64x48", "--threads", "2", "-o", output, *more]
 
 
-@pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGINT])
-@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize("name, by", [("path", signal.SIGINT), ("path", signal.SIGKILL), ("grid", signal.SIGKILL), ("duality", signal.SIGKILL)])
 def test_a_run_goes_on_from_its_checkpoint_to_the_same_bytes(tmp_path, name, by):
     output = "out.vdb" if name == "duality" else "out.exr"
     whole = command.succeed(*resumable(name, tmp_path / f"whole_{output}"))
-    stops = 0
+    stops, patience = 0, max(0.3, 0.3 * whole.seconds)
     while not (tmp_path / output).exists() and stops < 20:
         process = subprocess.Popen([str(command.binary()), *map(str, resumable(name, tmp_path / output, "--checkpoint", tmp_path / "run.checkpoint"))],
                                    stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=command.environment())
         try:
-            _, err = process.communicate(timeout=max(0.4, 0.4 * whole.seconds))
+            _, err = process.communicate(timeout=patience)
             assert process.returncode == 0, err
         except subprocess.TimeoutExpired:
             process.send_signal(by)
             _, err = process.communicate(timeout=30)
-            stops += 1
+            # What is not kept (voxels) must fit between two stops.
+            stops, patience = stops + 1, 1.3 * patience
             assert process.returncode != 0 and (tmp_path / "run.checkpoint").exists()
             assert by == signal.SIGKILL or "goes on from" in err, err
     assert stops > 0, "nothing was interrupted"
