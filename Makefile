@@ -8,6 +8,8 @@ SHELL := /bin/bash
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
 
 BUILD_PACKAGES := g++ make pkg-config ca-certificates libopenvdb-dev libboost-dev libimath-dev libtbb-dev
+# Open MPI, and what makes Rust's bindings to it.
+MPI_PACKAGES := libopenmpi-dev openmpi-bin libclang-dev
 # OpenVDB's own Python module is the tests' independent reader; the libraries are those that Blender as a module loads.
 TEST_PACKAGES := python3 python3-venv python3-numpy python3-openvdb \
 	libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1 libegl1
@@ -39,7 +41,7 @@ fi
 endef
 .ONESHELL:
 
-.PHONY: help demo build test bench addon scenes crosscheck crosscheck-speed fuzz sanitize study lint clean build-packages test-packages rust
+.PHONY: help demo build mpi test test-mpi bench addon scenes crosscheck crosscheck-speed fuzz sanitize study lint clean build-packages test-packages rust
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 26
@@ -53,9 +55,19 @@ demo: build ## A cumulus from the layout in scenes/, as out/cumulus.vdb and out/
 build: build-packages rust ## The command, target/release/cloudvdb
 	cargo build --release
 
+mpi: build-packages rust ## The command for many machines, target/mpi/cloudvdb (mpirun -n 4 target/mpi/cloudvdb ...)
+	@$(call need,$(MPI_PACKAGES))
+	cargo build --release --features mpi
+	# The ordinary build puts its own command back in its place.
+	mkdir -p target/mpi
+	cp target/release/cloudvdb target/mpi/cloudvdb
+
 test: build test-packages $(VENV)/.stamp ## All tests: Rust's, then those that use Blender and OpenVDB from Python
 	cargo test --release
 	$(PYTEST) -n 2 --dist loadfile
+
+test-mpi: mpi test-packages $(VENV)/.stamp ## The same bytes on 1 to 4 ranks; ranks that die; checkpoints
+	CLOUDVDB=target/mpi/cloudvdb CLOUDVDB_MPI=target/mpi/cloudvdb $(PYTEST)/test_mpi.py
 
 bench: build ## Criterion's benchmarks
 	cargo bench
@@ -88,6 +100,7 @@ FUZZ_BUILD = CARGO_TARGET_DIR=target/fuzz CXX=clang++-14 CUSTOM_LIBFUZZER_STD_CX
 	CXXFLAGS="-fsanitize=address -fsanitize-coverage=inline-8bit-counters,pc-table,trace-cmp" \
 	cargo +nightly build --release --manifest-path tests/fuzz/Cargo.toml --target x86_64-unknown-linux-gnu
 FUZZ_TARGETS := gltf extras vdb command
+LEAKS := LSAN_OPTIONS=suppressions=$(CURDIR)/tests/fuzz/leaks.txt
 TARGET ?= $(FUZZ_TARGETS)
 SECONDS_EACH ?= 60
 
@@ -96,7 +109,7 @@ fuzz: build-packages ## Coverage-guided fuzzing of all readers, a minute each (a
 	$(FUZZ_BUILD)
 	for target in $(TARGET); do
 		mkdir -p target/fuzz/found/$$target
-		(cd target/fuzz && x86_64-unknown-linux-gnu/release/$$target -max_total_time=$(SECONDS_EACH) -timeout=25 -rss_limit_mb=4096 -print_final_stats=1 \
+		(cd target/fuzz && $(LEAKS) x86_64-unknown-linux-gnu/release/$$target -max_total_time=$(SECONDS_EACH) -timeout=25 -rss_limit_mb=4096 -print_final_stats=1 \
 			-artifact_prefix=found/$$target- found/$$target ../../tests/fuzz/corpus/$$target)
 	done
 
@@ -104,7 +117,7 @@ sanitize: build-packages ## The fuzzers' corpus under the address sanitizer, Rus
 	@$(call need,clang-14 libclang-rt-14-dev)
 	$(FUZZ_BUILD)
 	for target in $(FUZZ_TARGETS); do
-		target/fuzz/x86_64-unknown-linux-gnu/release/$$target -runs=0 -timeout=60 tests/fuzz/corpus/$$target
+		$(LEAKS) target/fuzz/x86_64-unknown-linux-gnu/release/$$target -runs=0 -timeout=60 tests/fuzz/corpus/$$target
 	done
 
 lint: build-packages rust ## Formatting and clippy

@@ -8,7 +8,8 @@ use crate::scene::medium::luminance;
 pub const NOTHING: f32 = 1e10;
 
 /// What a pixel has received: radiance in W m^-2 sr^-1, linear RGB, the mean over the pixel's square (box filter).
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct Pixel {
     /// Light that scattered once, in a medium, on its way to the camera.
     pub volume_direct: [f32; 3],

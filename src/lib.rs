@@ -34,10 +34,11 @@
 //! | [`vdb`] | OpenVDB behind a safe interface; the only unsafe code is its bridge |
 //! | [`doctor`] | what would make a VDB look wrong or empty in Blender, and the fix |
 //! | [`study`] | the thesis's evaluation again, its tables beside ours |
+//! | [`cluster`] | several processes at one run, by MPI; what is done of a run, kept for the next start |
 //! | [`cli`] | arguments, progress, signals, exit codes |
 //! | [`errata`] | no code: where the thesis is wrong, what it costs, and the experiments that show it |
 //!
-//! The core (everything but `import`, `export`, `vdb`, `doctor`, `pipeline`, `study` and `cli`) opens no file and prints nothing; it tells
+//! The core (everything but `import`, `export`, `vdb`, `doctor`, `pipeline`, `study`, `cluster` and `cli`) opens no file and prints nothing; it tells
 //! how far it is, and learns that it should stop, by [`progress::Progress`].
 //!
 //! # From the thesis's equations to functions
@@ -76,6 +77,7 @@
 pub mod bake;
 pub mod bvh;
 pub mod cli;
+pub mod cluster;
 pub mod doctor;
 pub mod errata;
 pub mod error;

@@ -7,16 +7,18 @@ use crate::export::vdb::VdbOptions;
 use crate::export::{blend, exr, glb, png};
 use crate::import::{self, ImportOptions};
 use crate::plan::{Density, Plan};
-use crate::progress::Progress;
+use crate::progress::{Progress, agreed};
 use crate::regions::Duality;
 use crate::scene::Region;
 use account::{closed, light, metadata, opening};
+use crew::leads;
 use format::Targets;
 use std::path::PathBuf;
 
 mod account;
 mod bake;
 mod balance;
+mod crew;
 mod format;
 mod grids;
 mod pass1;
@@ -62,10 +64,12 @@ pub struct Job {
 /// Everything in [`crate::Error`]; nothing is written then.
 pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     let mut clock = Clock::start();
-    let targets = Targets::of(job)?;
+    let writes = leads(progress);
+    let targets = Targets::of(job, writes)?;
     progress.begin("import", 1);
     let layout = import::load(&job.input, &job.import, progress)?;
     targets.check(job, &layout)?;
+    crew::meet(job, &layout, progress)?;
     let plan = Plan::for_scene(&layout.scene, job.density);
     clock.end("import");
     let mut report = opening(job, &layout, &plan);
@@ -92,9 +96,10 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     report.optical_mass.written = written.iter().map(Region::optical_mass).sum();
 
     let scene = lit(&layout.scene, &written, job.density);
-    let mut staged = Staged::default();
+    let mut staged = Staged::by(writes);
     let mut kept = false;
-    if targets.any(Format::Vdb) {
+    // Ranks that write nothing need voxels for what they do together: the light of a bake, and its check.
+    if targets.any(Format::Vdb) && (writes || job.bake.light.is_some()) {
         let scene = bake::without_air(job, &scene, &mut report.notes);
         let source = match job.bake.light.zip(framed.as_ref()) {
             Some((bake, framed)) => Some((bake, bake::follow(job, bake, &scene, framed, progress)?)),
@@ -131,7 +136,8 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
         let settings = job.picture.settings(&scene, &framed, job.photons, &job.duality);
         let Picture { error, seconds, .. } = job.picture;
         let (film, render) = if error.is_some() || seconds.is_some() {
-            let goal = Goal { error, seconds: seconds.map(|seconds| seconds - clock.elapsed()) };
+            let [elapsed] = agreed([clock.elapsed()], progress)?;
+            let goal = Goal { error, seconds: seconds.map(|seconds| seconds - elapsed) };
             let taking = take_to(&goal, &scene, &framed, &settings, progress)?;
             report.notes.extend(taking.notes);
             (taking.film, taking.render)
@@ -151,6 +157,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
         }
     }
     report.outputs.clone_from(&job.outputs);
+    report.together = crew::spent(progress)?;
     let report = closed(report, clock);
     for target in targets.each(Format::Json) {
         staged.add(target, |path| report.write(path))?;

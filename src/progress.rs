@@ -1,6 +1,12 @@
-//! How the core tells how far it is, and learns that it should stop.
+//! How the core tells how far it is, learns that it should stop, and who works at it.
 
 use crate::error::{Error, Result};
+
+mod crew;
+mod parcel;
+
+pub use crew::{Crew, Spent, Taker, Work, agreed, share, tally};
+pub use parcel::{Parcel, Parcels, put};
 
 /// Watches the stages of a run. The core prints nothing and reads no clock: whoever runs it does.
 pub trait Progress: Sync {
@@ -13,6 +19,10 @@ pub trait Progress: Sync {
     /// Whether what is done of a picture when it is [`Progress::cancelled`] is wanted.
     fn keeps(&self) -> bool {
         false
+    }
+    /// Who works at the run together; `None` where one process works at it alone.
+    fn crew(&self) -> Option<&dyn Crew> {
+        None
     }
     /// A forecast: the relative error that the picture will have, and how many seconds it takes from now on.
     fn expects(&self, _error: f64, _seconds: f64) {}

@@ -3,13 +3,12 @@
 use crate::error::Result;
 use crate::integrate::SourceFunction;
 use crate::media::Scratch;
-use crate::progress::Progress;
+use crate::progress::{Progress, share};
 use crate::scene::BrickGrid;
 use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS};
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Beyond this optical depth across, a voxel's light is the mean of its eighths'.
 const THICK: f64 = 0.5;
@@ -45,14 +44,12 @@ pub(super) fn lit(
 ) -> Result<Numbers> {
     let count = source.numbers();
     let scene_from_index = turned.map_or(density.world_from_index, |turn| turn.inverse() * density.world_from_index);
-    let (done, before) = (AtomicU64::new(0), (part * density.origins.len()) as u64);
-    let inside: Vec<Vec<f32>> = (0..density.origins.len())
-        .into_par_iter()
-        .map_init(Scratch::default, |scratch, brick| {
-            progress.at(before + done.fetch_add(1, Ordering::Relaxed));
-            if progress.cancelled() { Vec::new() } else { one(source, part, density, brick, scene_from_index, scratch) }
-        })
-        .collect();
+    let (bricks, before) = (density.origins.len() as u64, (part * density.origins.len()) as u64);
+    let of_brick = |brick: u64| {
+        let brick = brick as usize;
+        if progress.cancelled() { Vec::new() } else { one(source, part, density, brick, scene_from_index, &mut Scratch::default()) }
+    };
+    let inside: Vec<Vec<f32>> = share(0..bricks, of_brick, progress, |done| progress.at(before + done))?;
     progress.check()?;
     // The bricks that a voxel beyond the medium may be in.
     let mut around = BTreeSet::new();

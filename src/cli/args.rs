@@ -161,6 +161,10 @@ pub struct Run {
     /// On Ctrl-C, write the picture so far, with its error, and the other files; a second one ends at once
     #[arg(long)]
     pub keep_partial: bool,
+    /// Keep what is done in a file: the same command, stopped and started again, goes on from there and makes the same bytes. It is
+    /// removed when the run is done
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["keep_partial", "time", "dry_run"])]
+    pub checkpoint: Option<PathBuf>,
     /// What the voxels of the grid integrator may take, in bytes
     #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = count)]
     pub memory: u64,

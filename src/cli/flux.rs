@@ -39,7 +39,7 @@ pub fn run(arguments: &FluxArguments) -> Result<(), Error> {
     if arguments.photons == 0 {
         return Err(Error::Usage("--photons must be at least 1".into()));
     }
-    let watch = watched(&arguments.manners, false)?;
+    let watch = watched(&arguments.manners, false, None)?;
     let job = BalanceJob {
         input: arguments.input.clone(),
         import: arguments.scene.import(),

@@ -9,6 +9,7 @@ mod signals;
 mod study;
 mod values;
 
+use crate::cluster;
 use crate::error::Error;
 use crate::export::report::plan_table;
 use crate::import;
@@ -21,20 +22,35 @@ use progress::Watch;
 use std::io::Write;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+/// How long a rank waits for the one that leads to speak first.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Runs the command that the process was started with; returns its exit code.
 pub fn main() -> u8 {
-    let arguments = Arguments::parse();
+    cluster::join();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(refusal) => {
+            if cluster::leads() {
+                let _ = refusal.print();
+            }
+            return cluster::leave(refusal.exit_code() as u8);
+        }
+    };
     let style = arguments.progress();
     if let Err(error) = signals::prepare(style) {
         return finish(Err(error), style);
     }
     match arguments.command {
+        // What takes no time is for one rank.
+        Some(Command::Plan(_) | Command::Doctor(_) | Command::Completions { .. } | Command::Man) if !cluster::leads() => cluster::leave(0),
         Some(Command::Plan(plan)) => finish(show_plan(&plan), style),
         Some(Command::Flux(arguments)) => finish(flux::run(&arguments), style),
         Some(Command::Study(arguments)) => finish(study::run(&arguments), style),
         Some(Command::Doctor(arguments)) => match doctor::run(&arguments) {
-            Ok(healthy) => u8::from(!healthy),
+            Ok(healthy) => cluster::leave(u8::from(!healthy)),
             Err(error) => finish(Err(error), style),
         },
         Some(Command::Completions { shell }) => {
@@ -67,10 +83,11 @@ pub fn understand(words: impl Iterator<Item = std::ffi::OsString>) -> Result<(),
 
 fn run(run: &Run) -> Result<(), Error> {
     let job = run.job()?;
-    let watch = watched(&run.manners, run.keep_partial)?;
+    let watch = watched(&run.manners, run.keep_partial, run.checkpoint.as_deref())?;
     let report = pipeline::run(&job, &watch);
     watch.finish();
     let report = report?;
+    watch.over()?;
     if run.json {
         print((report.json() + "\n").as_bytes())?;
     }
@@ -84,12 +101,18 @@ fn run(run: &Run) -> Result<(), Error> {
     Ok(())
 }
 
-/// What watches a run for the terminal and for signals, which may have it `keep` what is done; and the number of threads.
-fn watched(&Manners { threads, progress: style, quiet }: &Manners, keep: bool) -> Result<Watch, Error> {
+/// What watches a run for the terminal and for signals, which may have it `keep` what is done; the number of threads; and who works at
+/// it, with the file that keeps what is done.
+fn watched(&Manners { threads, progress: style, quiet }: &Manners, keep: bool, checkpoint: Option<&Path>) -> Result<Watch, Error> {
     if threads == Some(0) {
         return Err(Error::Usage("--threads must be at least 1".into()));
     }
-    let watch = Watch::new(style, quiet, keep);
+    let team = cluster::team(checkpoint)?;
+    if keep && team.is_some() {
+        let reason = "--keep-partial is for one process, whose picture is stopped at one moment: leave it out; --checkpoint keeps what ranks have done";
+        return Err(Error::Usage(reason.into()));
+    }
+    let watch = Watch::new(style, quiet || !cluster::leads(), keep, team);
     signals::watch(watch.cancelled_flag(), style, keep)?;
     start(threads)?;
     if let Some(threads) = threads {
@@ -125,8 +148,11 @@ fn show_plan(arguments: &PlanArguments) -> Result<(), Error> {
     print((text + "\n").as_bytes())
 }
 
-/// Writes data to stdout. A reader that has had enough (`| head`) is no failure.
+/// Writes data to stdout, once however many ranks there are. A reader that has had enough (`| head`) is no failure.
 fn print(bytes: &[u8]) -> Result<(), Error> {
+    if !cluster::leads() {
+        return Ok(());
+    }
     let mut out = std::io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(stdout_failed(e)),
@@ -138,8 +164,15 @@ fn stdout_failed(e: std::io::Error) -> Error {
     Error::Write { target: Path::new("stdout").into(), reason: e.to_string(), fix: "Check where it is sent".into() }
 }
 
-/// Words for people; a closed stderr is no reason to fail.
+/// Words for people, once however many ranks there are.
 fn say(text: &str) {
+    if cluster::leads() {
+        cry(text);
+    }
+}
+
+/// Words that are heard from any rank; a closed stderr is no reason to fail.
+fn cry(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
@@ -149,9 +182,14 @@ fn event(value: &serde_json::Value) {
 }
 
 fn finish(result: Result<(), Error>, style: ProgressStyle) -> u8 {
-    let Err(error) = result else { return 0 };
+    let Err(error) = result else { return cluster::leave(0) };
+    if !cluster::leads() {
+        // Most likely the rank that leads says so itself, and ends this one meanwhile.
+        std::thread::sleep(PATIENCE);
+        cry(&words(&error, style));
+    }
     complain(&error, style);
-    error.exit_code()
+    cluster::leave(error.exit_code())
 }
 
 /// Says why the process ends; once, whoever ends it.
@@ -161,14 +199,19 @@ fn complain(error: &Error, style: ProgressStyle) {
     if !*said {
         *said = true;
         say(&words(error, style));
+        if let (Error::Interrupted, Some(file)) = (error, cluster::checkpoint()) {
+            say(&format!("cloudvdb: the same command goes on from {}", file.display()));
+        }
     }
 }
 
 /// An error as it is told.
 fn words(error: &Error, style: ProgressStyle) -> String {
     match style {
-        ProgressStyle::Json => serde_json::json!({"event": "error", "message": error.to_string(), "code": error.exit_code()}).to_string(),
-        ProgressStyle::Bar => format!("cloudvdb: {error}"),
+        ProgressStyle::Json => {
+            serde_json::json!({"event": "error", "message": cluster::name() + &error.to_string(), "code": error.exit_code()}).to_string()
+        }
+        ProgressStyle::Bar => format!("cloudvdb: {}{error}", cluster::name()),
     }
 }
 

@@ -2,8 +2,10 @@
 
 use super::args::ProgressStyle;
 use super::{event, say};
+use crate::cluster::Team;
+use crate::error::Result;
 use crate::export::report::{duration, percent};
-use crate::progress::Progress;
+use crate::progress::{Crew, Progress};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,6 +23,7 @@ pub struct Watch {
     keep: bool,
     style: ProgressStyle,
     visible: bool,
+    team: Option<&'static Team>,
     stage: Arc<Mutex<Stage>>,
 }
 
@@ -33,11 +36,11 @@ struct Stage {
 }
 
 impl Watch {
-    /// Watches in a style; quiet shows nothing. To `keep` is to want what is done when the run is stopped.
-    pub fn new(style: ProgressStyle, quiet: bool, keep: bool) -> Self {
+    /// Watches in a style; quiet shows nothing. To `keep` is to want what is done when the run is stopped. The `team` works at it.
+    pub fn new(style: ProgressStyle, quiet: bool, keep: bool, team: Option<&'static Team>) -> Self {
         let visible = !quiet && (style == ProgressStyle::Json || std::io::stderr().is_terminal());
         let stage = Stage { name: "", total: 0, began: Instant::now(), told: Instant::now(), bar: None };
-        let watch = Watch { cancelled: Arc::new(AtomicBool::new(false)), keep, style, visible, stage: Arc::new(Mutex::new(stage)) };
+        let watch = Watch { cancelled: Arc::new(AtomicBool::new(false)), keep, style, visible, team, stage: Arc::new(Mutex::new(stage)) };
         if visible && style == ProgressStyle::Bar {
             // Stages that cannot tell how far they are (reading, OpenVDB writing) get their bar too.
             let stage = Arc::clone(&watch.stage);
@@ -56,6 +59,11 @@ impl Watch {
     /// Set when the run should stop.
     pub fn cancelled_flag(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.cancelled)
+    }
+
+    /// The run is over, and well: its checkpoint goes.
+    pub fn over(&self) -> Result<()> {
+        self.team.map_or(Ok(()), Team::over)
     }
 
     /// Takes the bar away.
@@ -127,6 +135,10 @@ impl Progress for Watch {
 
     fn keeps(&self) -> bool {
         self.keep
+    }
+
+    fn crew(&self) -> Option<&dyn Crew> {
+        self.team.map(|team| team as &dyn Crew)
     }
 
     fn expects(&self, error: f64, seconds: f64) {

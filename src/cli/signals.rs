@@ -2,7 +2,7 @@
 //! And what ends a process by itself: a file over the limit, memory that is not there.
 
 use super::args::ProgressStyle;
-use super::{complain, say, words};
+use super::{complain, cry, words};
 use crate::error::Error;
 use crate::export::staged;
 use crate::export::vdb::on_abort;
@@ -42,7 +42,7 @@ fn aborting() {
     } else {
         staged::abandon_at_once();
     }
-    LAST_WORDS.get().into_iter().for_each(|text| say(text));
+    LAST_WORDS.get().into_iter().for_each(|text| cry(text));
     signal_hook::low_level::exit(1);
 }
 

@@ -80,7 +80,7 @@ pub fn run(arguments: &StudyArguments) -> Result<(), Error> {
             "--paper takes the thesis's layouts as they are: leave out what changes the scene, its light or its camera".into(),
         ));
     }
-    let watch = watched(&arguments.manners, false)?;
+    let watch = watched(&arguments.manners, false, None)?;
     let job = Job {
         inputs: arguments.inputs.clone(),
         parts: arguments.tests.clone(),
@@ -115,7 +115,7 @@ fn accuracy(arguments: &StudyArguments) -> Result<(), Error> {
         let reason = "a study is of one scene and goes into a folder: cloudvdb study scene.glb -o study/; with --paper it is of the thesis's layouts";
         return Err(Error::Usage(reason.into()));
     };
-    let watch = watched(&arguments.manners, false)?;
+    let watch = watched(&arguments.manners, false, None)?;
     let told = |line: &str| {
         watch.finish();
         match arguments.manners.progress {
@@ -129,14 +129,14 @@ fn accuracy(arguments: &StudyArguments) -> Result<(), Error> {
     let (json, table, page) = if arguments.duality {
         let result = duality::study(&duality::Job { input, import, view, quick, seed, output: output.clone() }, &told, &watch);
         watch.finish();
-        let findings = result?;
+        let Some(findings) = result? else { return Ok(()) };
         (findings.json(), findings.table(), output.join("duality.html"))
     } else {
         let against = arguments.against.clone();
         let job = accuracy::Job { input, import, view, quick, reference, seed, output: output.clone(), against };
         let result = accuracy::study(&job, &told, &watch);
         watch.finish();
-        let figures = result?;
+        let Some(figures) = result? else { return Ok(()) };
         (figures.json(), figures.table(), output.join("index.html"))
     };
     print(if arguments.json { json } else { format!("{table}wrote {}\n", page.display()) }.as_bytes())

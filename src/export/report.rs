@@ -6,6 +6,7 @@ use crate::import::{Became, Finding};
 use crate::photon::trace::{FATES, Fate};
 use crate::photon::{Model, Shot};
 use crate::plan::{Density, Effect, Plan};
+use crate::progress::Spent;
 use crate::regions::{Placement, Source};
 use crate::scene::Overrides;
 use crate::stats::Estimate;
@@ -53,6 +54,9 @@ pub struct Report {
     pub bake: Option<BakeReport>,
     /// The picture; absent where none was taken.
     pub render: Option<Render>,
+    /// What ranks took to work together; absent where one process worked alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub together: Option<Spent>,
     /// Seconds by stage.
     pub stages: Vec<Stage>,
     /// Seconds in all.

@@ -57,9 +57,16 @@ pub fn abandon_at_once() {
 #[derive(Debug, Default)]
 pub struct Staged {
     files: Vec<(TempPath, PathBuf)>,
+    /// Somebody else writes them.
+    idle: bool,
 }
 
 impl Staged {
+    /// Files that are written only by a process that `writes`, not by those that work for it.
+    pub fn by(writes: bool) -> Self {
+        Staged { idle: !writes, ..Staged::default() }
+    }
+
     /// Looks at the targets before any work is done for them.
     ///
     /// # Errors
@@ -94,6 +101,9 @@ impl Staged {
     /// # Errors
     /// What `write` says, with the target's name in place of the temporary one; and when no file can be made there.
     pub fn add(&mut self, target: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+        if self.idle {
+            return Ok(());
+        }
         let mut pending = pending();
         let path = temporary(target)?;
         pending.temporary.push(path.to_path_buf());

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::media::{Flight, Media, Scratch};
 use crate::photon::emit::Emitter;
 use crate::plan::{EffectName, Plan};
-use crate::progress::Progress;
+use crate::progress::{Parcel, Parcels, Progress, put, share};
 use crate::rng::{Rng, Stage};
 use crate::sampling::{around, cosine_hemisphere};
 use crate::scene::phase::sample_henyey_greenstein;
@@ -12,8 +12,6 @@ use crate::scene::{Region, Scene, medium::luminance};
 use crate::stats::{Estimate, Ratios};
 use crate::trimesh::TriMesh;
 use glam::DVec3;
-use rayon::prelude::*;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Photons that share a stream of random numbers.
 const BATCH: u64 = 1024;
@@ -80,16 +78,12 @@ pub fn flux(scene: &Scene, plan: &Plan, photons: u64, seed: u64, progress: &dyn 
     let batches = photons.div_ceil(BATCH);
     let mut sums = Ratios::<TALLIES>::default();
     let (mut crossed, mut collisions, mut truncated) = (0, 0, 0);
-    for wave in (0..batches).step_by(WAVE as usize) {
-        let done = AtomicU64::new(wave * BATCH);
-        let wave: Vec<Batch> = (wave..batches.min(wave + WAVE))
-            .into_par_iter()
-            .map(|item| {
-                let batch = tracer.batch(seed, item, BATCH.min(photons - item * BATCH), progress);
-                progress.at(done.fetch_add(BATCH, Ordering::Relaxed).min(photons));
-                batch
-            })
-            .collect();
+    // Where ranks have to meet they meet seldom.
+    let waves = if progress.crew().is_some() { WAVE << 8 } else { WAVE };
+    for wave in (0..batches).step_by(waves as usize) {
+        let one = |item: u64| tracer.batch(seed, item, BATCH.min(photons - item * BATCH), progress);
+        let told = |done: u64| progress.at(((wave + done) * BATCH).min(photons));
+        let wave = share(wave..batches.min(wave + waves), one, progress, told)?;
         progress.check()?;
         for batch in wave {
             sums.add(batch.tallies, batch.power);
@@ -146,6 +140,20 @@ struct Batch {
     crossed: u64,
     collisions: u64,
     truncated: u64,
+}
+
+impl Parcel for Batch {
+    fn pack(&self, into: &mut Vec<u8>) {
+        put(&self.tallies, into);
+        put(&[self.power], into);
+        put(&[self.crossed, self.collisions, self.truncated], into);
+    }
+
+    fn unpack(from: &mut Parcels) -> Option<Self> {
+        let (tallies, [power]) = (from.some()?, from.some()?);
+        let [crossed, collisions, truncated] = from.some()?;
+        Some(Batch { tallies, power, crossed, collisions, truncated })
+    }
 }
 
 impl Tracer {

@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::film::{Film, Pixel};
 use crate::photon::PhotonMap;
 use crate::plan::Plan;
-use crate::progress::Progress;
+use crate::progress::{Progress, share};
 use crate::rng::{Rng, Stage};
 use crate::scene::{Camera, Scene};
 pub use emission::{Emitted, render_emission};
@@ -26,8 +26,6 @@ pub use grid::{Kept, Light, Part, SourceFunction, SourceSettings, harmonics};
 use lens::Lens;
 use path::PathTracer;
 use photon::{Lighting, PhotonSettings, PhotonTracer};
-use rayon::prelude::*;
-use std::sync::atomic::{AtomicU64, Ordering};
 use tile::{Done, Tile, Transport};
 
 /// How light is followed.
@@ -161,30 +159,27 @@ fn expose<T: Transport>(
     let lens = Lens::new(camera, width, height, origin);
     let (across, down) = (width.div_ceil(TILE), height.div_ceil(TILE));
     progress.begin("render", u64::from(width) * u64::from(height));
-    let done = AtomicU64::new(0);
-    let tiles: Vec<Done> = (0..across * down)
-        .into_par_iter()
-        .map(|tile| {
-            let mut rng = Rng::new(settings.seed, Stage::Render, tile.into());
-            let mut out = Tile::default();
-            let (x0, y0) = (tile % across * TILE, tile / across * TILE);
-            for y in y0..(y0 + TILE).min(height) {
-                for x in x0..(x0 + TILE).min(width) {
-                    if progress.cancelled() {
-                        return Done::default();
-                    }
-                    out.pixel(transport, &lens, (x, y), settings.spp, &mut rng, progress);
+    let one = |item: u64| {
+        let mut rng = Rng::new(settings.seed, Stage::Render, item);
+        let (mut out, tile) = (Tile::default(), item as u32);
+        let (x0, y0) = (tile % across * TILE, tile / across * TILE);
+        for y in y0..(y0 + TILE).min(height) {
+            for x in x0..(x0 + TILE).min(width) {
+                if progress.cancelled() {
+                    return Done::default();
                 }
+                out.pixel(transport, &lens, (x, y), settings.spp, &mut rng, progress);
             }
-            if progress.cancelled() {
-                // Its last pixel may have been left early.
-                return Done::default();
-            }
-            progress.at(done.fetch_add(out.pixels.len() as u64, Ordering::Relaxed) + out.pixels.len() as u64);
-            let violations = T::scratch(&out.room).violations;
-            out.done(violations)
-        })
-        .collect();
+        }
+        if progress.cancelled() {
+            // Its last pixel may have been left early.
+            return Done::default();
+        }
+        let violations = T::scratch(&out.room).violations;
+        out.done(violations)
+    };
+    let pixels = u64::from(TILE * TILE);
+    let tiles: Vec<Done> = share(0..u64::from(across * down), one, progress, |done| progress.at(done * pixels))?;
     if !progress.keeps() {
         progress.check()?;
     }

@@ -4,7 +4,7 @@ use super::lens::{Lens, View};
 use crate::film::{NOTHING, Pixel};
 use crate::media::Scratch;
 use crate::photon::GROUPS;
-use crate::progress::Progress;
+use crate::progress::{Parcel, Parcels, Progress, put};
 use crate::rng::Rng;
 use crate::scene::medium::luminance;
 use glam::{DVec3, Vec3};
@@ -99,6 +99,19 @@ pub(super) struct Done {
     pub collisions: u64,
     pub truncated: u64,
     pub violations: u64,
+}
+
+impl Parcel for Done {
+    fn pack(&self, into: &mut Vec<u8>) {
+        put(&self.pixels, into);
+        put(&[self.collisions, self.truncated, self.violations], into);
+    }
+
+    fn unpack(from: &mut Parcels) -> Option<Self> {
+        let pixels = from.take()?;
+        let [collisions, truncated, violations] = from.some()?;
+        Some(Done { pixels, collisions, truncated, violations })
+    }
 }
 
 /// A tile at work.

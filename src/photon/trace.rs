@@ -7,7 +7,7 @@ use super::eye::Eye;
 use super::map::PhotonMap;
 use super::rules::{Hura2006, Physical, Rules};
 use super::sky::Sky;
-use super::witness::{Store, Witness};
+use super::witness::Witness;
 use super::{Model, Photon};
 use crate::error::{Error, Result};
 use crate::geom::{Bounds, Ray, Tile};
@@ -24,10 +24,10 @@ use crate::stats::{Estimate, Ratios};
 use crate::trimesh::TriMesh;
 use branch::Branch;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use smallvec::SmallVec;
 use std::ops::Range;
 use std::sync::Arc;
+use waves::Waves;
 
 /// Paths in a batch: the item that has a stream of random numbers of its own.
 const BATCH_PATHS: u64 = 128;
@@ -195,7 +195,8 @@ impl Tracer {
         let most_paths = 16 * wanted + HOPELESS_PATHS;
         let mut shot = Shot { map: PhotonMap::new(self.origin, wanted), emitted: 0, traced: 0, collisions: 0, energy: Energy::default() };
         let mut next = 2u64;
-        let mut wave = self.wave(seed, 0..next, wanted, progress);
+        let mut waves = Waves::new(self, seed, wanted, progress);
+        let mut wave = waves.wave(0..next, 0, WAVE_PHOTONS)?;
         while !wave.is_empty() {
             progress.check()?;
             // What this wave brings is known before it is folded, so that the next one can be traced meanwhile.
@@ -204,10 +205,14 @@ impl Tracer {
             let ended = stored >= wanted || traced >= most_paths || (stored == 0 && traced >= HOPELESS_PATHS);
             let expected = (stored / next).max(1);
             let size = if ended { 0 } else { (WAVE_PHOTONS.min(wanted - stored) / expected + 1).clamp(2, 4096) };
-            let following;
-            (following, ()) = rayon::join(|| self.wave(seed, next..next + size, wanted, progress), || shot.fold(&wave, wanted));
+            let mut trace = || waves.wave(next..next + size, stored, expected);
+            // Ranks meet on the thread that they began on.
+            let (following, ()) = match progress.crew() {
+                Some(_) => (trace(), shot.fold(&wave, wanted)),
+                None => rayon::join(trace, || shot.fold(&wave, wanted)),
+            };
             next += size;
-            wave = following;
+            wave = following?;
             progress.at(shot.map.len());
         }
         progress.check()?;
@@ -221,11 +226,6 @@ impl Tracer {
         }
         shot.map.finish(1.0 / shot.emitted as f64);
         Ok(shot)
-    }
-
-    /// A wave of batches, in the order of their items.
-    fn wave(&self, seed: u64, items: Range<u64>, wanted: u64, progress: &dyn Progress) -> Vec<Batch> {
-        items.into_par_iter().map(|item| self.batch(seed, item, None, wanted, &Store, progress)).collect()
     }
 
     /// The share of sunlight that crosses the scene's own regions, and the `other` ones, without a collision: over the sunlight
@@ -436,3 +436,4 @@ impl Batch {
 
 mod branch;
 mod follow;
+mod waves;

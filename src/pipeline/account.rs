@@ -38,6 +38,7 @@ pub(super) fn opening(job: &Job, layout: &Layout, plan: &Plan) -> Report {
         vdb: None,
         bake: None,
         render: None,
+        together: None,
         stages: Vec::new(),
         seconds: 0.0,
         peak_memory: 0,

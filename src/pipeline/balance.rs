@@ -54,6 +54,9 @@ pub fn balance(job: &BalanceJob, progress: &dyn Progress) -> Result<Balance> {
     let begun = Instant::now();
     progress.begin("import", 1);
     let mut scene = import::load(&job.input, &job.import, progress)?;
+    if let Some(crew) = progress.crew() {
+        crew.meet(&format!("{job:?} {}", scene.source_hash), progress)?;
+    }
     let named = |e: crate::Error| e.of_file(&job.input);
     if job.density == Density::Duality {
         let duality = Duality { seed: job.seed, ..Duality::default() };

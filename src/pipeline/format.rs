@@ -59,18 +59,20 @@ impl Format {
 pub(super) struct Targets<'a>(Vec<(&'a PathBuf, Format)>);
 
 impl<'a> Targets<'a> {
-    /// Looks at what is to be read and written, before any work is done.
+    /// Looks at what is to be read and, by a process that `writes`, written, before any work is done.
     ///
     /// # Errors
     /// [`Error::Usage`] where a target is the input, or what it asks for is not there; [`Error::Write`] as [`Staged::check`].
-    pub fn of(job: &'a Job) -> Result<Self> {
+    pub fn of(job: &'a Job, writes: bool) -> Result<Self> {
         let formats = job.outputs.iter().map(|o| Format::of(o).map(|format| (o, format))).collect::<Result<Vec<_>>>()?;
         let targets = Targets(formats);
         if import::is_vdb(&job.input) {
             // Before it is read: it may be large.
             targets.check_grids(&job.input.display().to_string())?;
         }
-        Staged::check(&job.outputs, job.overwrite)?;
+        if writes {
+            Staged::check(&job.outputs, job.overwrite)?;
+        }
         if let Some(target) = overwritten(&job.outputs, &job.input) {
             return Err(Error::Usage(format!("-o {} is the layout itself: name another file", target.display())));
         }

@@ -21,7 +21,7 @@ use crate::import::{self, ImportOptions};
 use crate::integrate::Integrator;
 use crate::photon::Model;
 use crate::pipeline::{self, Picture};
-use crate::progress::Progress;
+use crate::progress::{Progress, agreed};
 use crate::regions::Duality;
 use crate::scene::{Framed, Scene, View};
 use std::borrow::Cow;
@@ -75,29 +75,30 @@ pub struct Setting {
     pub change: Option<Change>,
 }
 
-/// Runs what is not there yet, writes the tables, the plot and the page, and gives the figures. `told` gets a line for each picture.
+/// Runs what is not there yet, writes the tables, the plot and the page, and gives the figures; of several ranks one does. `told` gets a
+/// line for each picture.
 ///
 /// # Errors
 /// Those of the main job; [`Error::Interrupted`], after which the next run goes on; [`Error::Scene`] where no pixel receives light;
 /// [`Error::Write`] where the folder holds the study of another scene, or is none.
-pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<Figures> {
+pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<Option<Figures>> {
     let quick = usize::from(job.quick);
     let layout = import::load(&job.input, &job.import, progress)?;
     let view = sized(&job.view, WIDE[quick], &layout.scene).map_err(|e| e.of_file(&job.input))?;
     let framed = view.frame(&layout.scene).map_err(|e| e.of_file(&job.input))?;
     let stage = Stage { scene: &layout.scene, framed: &framed, view };
-    let mut store = Store::open(job, &layout.source_hash, &stage)?;
+    if let Some(crew) = progress.crew() {
+        crew.meet(&format!("{job:?} {}", layout.source_hash), progress)?;
+    }
+    // Of several ranks one keeps the pictures, and the others help to make them.
+    let leads = progress.crew().is_none_or(|crew| crew.leads());
+    let mut store = if leads { Some(Store::open(job, &layout.source_hash, &stage)?) } else { None };
     let spp = job.reference.unwrap_or(REFERENCE[quick]).into();
     let reference = Setting { integrator: Integrator::Path, work: spp, change: None };
     for seed in HALVES {
         stage.take(reference, seed, &mut store, told, progress)?;
     }
-    let halves = HALVES.map(|seed| store.picture(reference, seed));
-    let [Some(a), Some(b)] = halves else { return Err(store.lost("the reference")) };
-    let truth = figures::Truth::new(a, b, framed.width as usize).ok_or_else(|| Error::Scene {
-        reason: "no pixel of the reference receives light: there is nothing to be wrong about".into(),
-        fix: "Look at the scene first: cloudvdb SCENE -o look.png".into(),
-    })?;
+    let truth = store.as_ref().map(|store| truth(store, reference, framed.width as usize)).transpose()?;
     let mut cells = Vec::new();
     for (integrator, works) in
         [(Integrator::Path, SAMPLES[quick]), (Integrator::Grid, PHOTONS[quick]), (Integrator::Photon, PHOTONS[quick])]
@@ -114,17 +115,29 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
             for seed in job.seed..job.seed + SEEDS[quick] {
                 stage.take(setting, seed, &mut store, told, progress)?;
             }
-            let seeds: Vec<_> = (job.seed..job.seed + SEEDS[quick]).filter_map(|seed| store.run(setting, seed)).collect();
-            cells.push(Cell::new(setting, &seeds, &truth));
+            if let Some((store, truth)) = store.as_ref().zip(truth.as_ref()) {
+                let seeds: Vec<_> = (job.seed..job.seed + SEEDS[quick]).filter_map(|seed| store.run(setting, seed)).collect();
+                cells.push(Cell::new(setting, &seeds, truth));
+            }
         }
     }
+    let Some((store, truth)) = store.zip(truth) else { return Ok(None) };
     let mut others = Vec::new();
     for other in &job.against {
         others.push(against::judge(other, &truth, [framed.width, framed.height])?);
     }
     let figures = Figures::new(job, [framed.width, framed.height], spp, truth, cells, others);
     store.write(&figures)?;
-    Ok(figures)
+    Ok(Some(figures))
+}
+
+/// The reference, from its two halves.
+fn truth(store: &Store, reference: Setting, width: usize) -> Result<figures::Truth> {
+    let [Some(a), Some(b)] = HALVES.map(|seed| store.picture(reference, seed)) else { return Err(store.lost("the reference")) };
+    figures::Truth::new(a, b, width).ok_or_else(|| Error::Scene {
+        reason: "no pixel of the reference receives light: there is nothing to be wrong about".into(),
+        fix: "Look at the scene first: cloudvdb SCENE -o look.png".into(),
+    })
 }
 
 /// A view of so many pixels in a row where nobody said how many, and as high as the camera's aspect says.
@@ -143,8 +156,9 @@ struct Stage<'a> {
 
 impl Stage<'_> {
     /// Takes a picture that is not there yet.
-    fn take(&self, setting: Setting, seed: u64, store: &mut Store, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<()> {
-        if store.run(setting, seed).is_some() {
+    fn take(&self, setting: Setting, seed: u64, store: &mut Option<Store>, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<()> {
+        let there = store.as_ref().is_some_and(|store| store.run(setting, seed).is_some());
+        if agreed([f64::from(there)], progress)? == [1.0] {
             return Ok(());
         }
         let scene = match setting.change {
@@ -167,7 +181,9 @@ impl Stage<'_> {
         progress.check()?;
         let seconds = begun.elapsed().as_secs_f64();
         let stated = render.relative_error;
-        store.add(setting, seed, seconds, peak_memory(), stated, &film)?;
+        if let Some(store) = store {
+            store.add(setting, seed, seconds, peak_memory(), stated, &film)?;
+        }
         let changed = setting.change.map_or(String::new(), |change| format!("  {change}"));
         let name = figures::name(setting.integrator);
         told(&format!("{name} {:>9} seed {:<3} {seconds:8.2} s{changed}", setting.work, seed % HALVES[0]));

@@ -21,7 +21,7 @@ use crate::integrate::Integrator;
 use crate::photon::Model;
 use crate::pipeline::{self, Clock, Pass1, Picture, lit};
 use crate::plan::Density;
-use crate::progress::Progress;
+use crate::progress::{Progress, agreed};
 use crate::regions::{Duality, Placement};
 use crate::scene::{Framed, Medium, Region, Scene, View};
 use crate::stats::Estimate;
@@ -131,12 +131,13 @@ fn settings(quick: usize) -> Vec<Setting> {
     all
 }
 
-/// Measures what is not measured yet, writes the tables, the plot and the page. `told` gets a line for each synthesis.
+/// Measures what is not measured yet, writes the tables, the plot and the page, and gives what it found; of several ranks one does. `told`
+/// gets a line for each synthesis.
 ///
 /// # Errors
 /// Those of the main job; [`Error::Interrupted`], after which the next run goes on; [`Error::Scene`] where a region goes on without end, or
 /// no pixel receives light; [`Error::Write`] where the folder holds the study of another scene, or is none.
-pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<Findings> {
+pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<Option<Findings>> {
     let quick = usize::from(job.quick);
     let layout = import::load(&job.input, &job.import, progress)?;
     let scene = &layout.scene;
@@ -148,21 +149,32 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
     }
     let view = sized(&job.view, WIDE[quick], scene).map_err(|e| e.of_file(&job.input))?;
     let framed = view.frame(scene).map_err(|e| e.of_file(&job.input))?;
-    let mut journal: Journal<Run> =
-        Journal::open(&job.output, "duality.jsonl", &Head::new(&layout.source_hash, &job.import, &view, &framed))?;
+    if let Some(crew) = progress.crew() {
+        crew.meet(&format!("{job:?} {}", layout.source_hash), progress)?;
+    }
+    // Of several ranks one keeps what is measured, and the others help to measure.
+    let leads = progress.crew().is_none_or(|crew| crew.leads());
+    let head = Head::new(&layout.source_hash, &job.import, &view, &framed);
+    let mut journal: Option<Journal<Run>> = if leads { Some(Journal::open(&job.output, "duality.jsonl", &head)?) } else { None };
     let stage = Stage { scene, framed: &framed, view, spp: SAMPLES[quick] };
     let truth = Truth::new(&stage, progress)?;
     let mut cells = Vec::new();
     for setting in settings(quick) {
         for seed in job.seed..job.seed + SEEDS[quick] {
-            if !journal.done.iter().any(|run| run.setting == setting && run.seed == seed) {
-                let run = stage.run(setting, seed, &truth, progress).map_err(|e| e.of_file(&job.input))?;
-                told(&tables::line(&run));
+            let there = journal.as_ref().is_some_and(|j| j.done.iter().any(|run| run.setting == setting && run.seed == seed));
+            if agreed([f64::from(there)], progress)? == [1.0] {
+                continue;
+            }
+            let run = stage.run(setting, seed, &truth, progress).map_err(|e| e.of_file(&job.input))?;
+            told(&tables::line(&run));
+            if let Some(journal) = &mut journal {
                 journal.add(run)?;
             }
         }
         let mine = |run: &&Run| run.setting == setting && (job.seed..job.seed + SEEDS[quick]).contains(&run.seed);
-        cells.push(Cell::new(setting, &journal.done.iter().filter(mine).collect::<Vec<_>>()));
+        if let Some(journal) = &journal {
+            cells.push(Cell::new(setting, &journal.done.iter().filter(mine).collect::<Vec<_>>()));
+        }
     }
     let mut pictures = vec![("the layout".into(), truth.picture.clone())];
     for layers in [1, LAYERS[quick][LAYERS[quick].len() - 1]] {
@@ -171,6 +183,9 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
             pictures
                 .push((format!("{layers} duality(s) of {}k photons", setting.photons / 1000), stage.take(&regions, job.seed, progress)?));
         }
+    }
+    if !leads {
+        return Ok(None);
     }
     let name = job.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let findings = Findings { scene: name, size: [framed.width, framed.height], names: measure::NAMES, cells, pictures };
@@ -188,7 +203,7 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
         staged.add(&job.output.join(name), |path| write_bytes(path, bytes))?;
     }
     staged.commit(true)?;
-    Ok(findings)
+    Ok(Some(findings))
 }
 
 /// The scene before the camera.

@@ -68,14 +68,15 @@ pub(super) fn gather(
     let unit = spacing / (whole * step.powi(2));
     progress.begin("photons", items * GROUPS as u64);
     for group in 0..GROUPS {
-        let first = first + group as u64 * items;
-        tracer.follow(first..first + items, seed, &deposits, progress)?;
-        progress.at((group as u64 + 1) * items);
+        let (first, before) = (first + group as u64 * items, group as u64 * items);
+        tracer.follow(first..first + items, seed, (&deposits, &deposits.sums), progress, |done| progress.at(before + done))?;
+        progress.at(before + items);
         for (class, light) in into.light.iter_mut().enumerate() {
             light.par_iter_mut().enumerate().for_each(|(place, light)| light[group] += (deposits.take(place, class, 0) * unit) as f32);
         }
-        // Red and blue are those of all groups.
-        deposits.sums.par_iter_mut().step_by(channels).for_each(|sum| *sum.get_mut() = 0);
+        // Red and blue are those of all groups: one rank keeps them until the last, so that they count once.
+        let keeps = group + 1 == GROUPS || progress.crew().is_none_or(|crew| crew.leads());
+        deposits.sums.par_iter_mut().step_by(if keeps { channels } else { 1 }).for_each(|sum| *sum.get_mut() = 0);
     }
     for (class, colour) in into.colour.iter_mut().enumerate() {
         let both = |place: usize| [1, 2].map(|channel| (deposits.take(place, class, channel) * unit) as f32);

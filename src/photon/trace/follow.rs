@@ -6,27 +6,31 @@ use crate::geom::Ray;
 use crate::media::Scratch;
 use crate::photon::Witness;
 use crate::photon::colour::Colours;
-use crate::progress::Progress;
+use crate::progress::{Progress, tally};
 use crate::rng::Rng;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::AtomicU64;
 
 impl Tracer {
     /// Paths in an item of [`Tracer::follow`].
     pub const PATHS: u64 = BATCH_PATHS;
 
-    /// Follows the paths of some items, which start evenly over the silhouette, and tells a witness of every flight; none is stored.
+    /// Follows the paths of some items, which start evenly over the silhouette, and tells a witness of every flight; none is stored. What
+    /// the witness makes of them are sums, which are those of all ranks afterwards.
     ///
     /// # Errors
     /// [`Error::Interrupted`].
-    pub fn follow<W: Witness>(&self, items: Range<u64>, seed: u64, witness: &W, progress: &dyn Progress) -> Result<()> {
-        items.clone().into_par_iter().for_each(|item| {
-            if !progress.cancelled() {
-                self.batch(seed, item, Some(&items), 0, witness, progress);
-            }
-        });
-        progress.check()
+    pub fn follow<W: Witness>(
+        &self,
+        items: Range<u64>,
+        seed: u64,
+        (witness, sums): (&W, &[AtomicU64]),
+        progress: &dyn Progress,
+        told: impl Fn(u64) + Sync,
+    ) -> Result<()> {
+        let one = |item: u64| drop(self.batch(seed, item, Some(&items), 0, witness, progress));
+        tally(items.clone(), one, sums, progress, told)
     }
 
     /// What all light has for a colour, of luminance 1; `None` where colours ride along.

@@ -69,10 +69,11 @@ pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSet
             }
             break;
         };
+        let elapsed = series.elapsed()?;
         if !whole || done || goal.error.is_some_and(|goal| error <= goal) {
             break;
         }
-        let left = goal.seconds.map_or(f64::INFINITY, |seconds| seconds - series.elapsed());
+        let left = goal.seconds.map_or(f64::INFINITY, |seconds| seconds - elapsed);
         let reach = goal.error.and_then(|goal| forecast.reach(AIM_ERROR * goal));
         let wanted = match reach {
             Some(wanted) if forecast.seconds(wanted) <= left => wanted,
@@ -100,7 +101,7 @@ pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSet
             continue;
         }
         watch.expects(error_then, seconds);
-        expected.get_or_insert(Expected { relative_error: error_then, seconds: series.elapsed() + seconds });
+        expected.get_or_insert(Expected { relative_error: error_then, seconds: elapsed + seconds });
         last = of(wanted.0 as u64, wanted.1 as u32);
         whole = series.take(&last, last.photon.photons, None)?;
     }

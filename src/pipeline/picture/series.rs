@@ -8,7 +8,7 @@ use crate::film::{Film, Pixel};
 use crate::integrate::{Integrator, RenderSettings, Rendering, render, sample};
 use crate::photon::PhotonMap;
 use crate::plan::{Density, Plan};
-use crate::progress::Progress;
+use crate::progress::{Progress, agreed};
 use crate::scene::{Framed, Scene};
 use std::time::Instant;
 
@@ -65,16 +65,24 @@ impl<'a> Series<'a> {
             }
             self.cut = Some(done);
         } else {
+            let mut stages = timed.stages();
+            if let Some(crew) = self.watch.crew() {
+                let seconds: Vec<f64> = stages.iter().map(|s| s.seconds).collect();
+                stages.iter_mut().zip(crew.agree(&seconds, self.watch)?).for_each(|(stage, seconds)| stage.seconds = seconds);
+            }
             self.before = self.shot;
-            self.shot = Shot::of(settings, voxels_for, &rendering, &timed.stages());
+            self.shot = Shot::of(settings, voxels_for, &rendering, &stages);
         }
         self.last = Some((*settings, rendering, timed.stages()));
         Ok(done == 1.0)
     }
 
     /// Seconds since the first picture began.
-    pub fn elapsed(&self) -> f64 {
-        self.begun.elapsed().as_secs_f64()
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub fn elapsed(&self) -> Result<f64> {
+        Ok(agreed([self.begun.elapsed().as_secs_f64()], self.watch)?[0])
     }
 
     /// The relative error of the last picture, where any pixel of it receives light.
@@ -94,7 +102,7 @@ impl<'a> Series<'a> {
     /// [`Error::Interrupted`] where there is none.
     pub fn end(self, asked: Option<f64>) -> Result<(Film, Render)> {
         let forecast = self.forecast();
-        let seconds = self.elapsed();
+        let seconds = self.elapsed()?;
         let Some((settings, rendering, stages)) = self.last else { return Err(Error::Interrupted) };
         let mut render = Render::of(&settings, &rendering, seconds);
         render.stages = stages;

@@ -1,7 +1,7 @@
 //! Seconds by stage of a picture: the core reads no clock, so whoever watches it does.
 
 use crate::export::report::Stage;
-use crate::progress::Progress;
+use crate::progress::{Crew, Progress};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -49,6 +49,10 @@ impl Progress for Timed<'_> {
 
     fn keeps(&self) -> bool {
         self.watch.keeps()
+    }
+
+    fn crew(&self) -> Option<&dyn Crew> {
+        self.watch.crew()
     }
 
     fn expects(&self, error: f64, seconds: f64) {

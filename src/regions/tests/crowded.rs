@@ -11,9 +11,8 @@ fn a_million_photons_in_one_point_or_plane_make_regions_there() {
     let origin = scene.region_bounds().centre();
     let mut rng = Rng::new(11, Stage::Photons, 1);
     let at = DVec3::new(0.3, -0.2, 0.1);
-    let disc: Vec<(u32, DVec3)> = (0..MILLION)
-        .map(|_| (0, unit_ball([rng.uniform(), rng.uniform(), rng.uniform()]) * DVec3::new(0.9, 0.9, 0.0)))
-        .collect();
+    let disc: Vec<(u32, DVec3)> =
+        (0..MILLION).map(|_| (0, unit_ball([rng.uniform(), rng.uniform(), rng.uniform()]) * DVec3::new(0.9, 0.9, 0.0))).collect();
     let reaches: [(_, &dyn Fn(DVec3) -> f64); 2] =
         [(vec![(0, at); MILLION], &|centre| centre.distance(at)), (disc, &|centre| centre.z.abs())];
     for (photons, least) in reaches {

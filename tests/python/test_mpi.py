@@ -1,0 +1,326 @@
+"""The same bytes on any number of ranks, and an end with a sentence whatever happens to one of them.
+
+`make test-mpi` builds the command with the feature `mpi` and runs these."""
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import time
+
+import pytest
+
+import command
+import mpi
+from command import SCENES
+
+needs_mpi = pytest.mark.skipif(mpi.why_not() is not None, reason=str(mpi.why_not()))
+
+SMALL = ("--size", "48x32", "--max-voxels", "60k", "-q")
+# What is run, and what it writes: every integrator, the duality, each way of baking, an error that is asked for.
+JOBS = {
+    "duality, grid, bake": (("--photons", "20k", "--spp", "4", "--bake", "isotropic", "--no-check"), ("a.vdb", "b.exr", "c.glb", "d.png")),
+    "path": (("--density", "source", "--integrator", "path", "--spp", "16"), ("b.exr",)),
+    "photon": (("--density", "source", "--integrator", "photon", "--spp", "4", "--photons", "40k"), ("b.exr",)),
+    "letter": (("--model", "hura2006", "--integrator", "photon", "--spp", "2", "--photons", "40k"), ("b.exr",)),
+    "error": (("--density", "source", "--error", "20%", "--sky", "0.2,0.3,0.5"), ("b.exr",)),
+}
+# Long enough to be disturbed, in every stage.
+LONG = (SCENES / "cumulus.gltf", "--integrator", "path", "--spp", "3000", "--size", "96x72", "--photons", "300k", "--density", "source",
+        "-o", "a.exr", "-o", "b.vdb", "--threads", "1")
+
+
+def words(name, threads=None):
+    flags, files = JOBS[name]
+    outputs = [word for file in files for word in ("-o", file)]
+    return [SCENES / "two_spheres.gltf", *flags, *SMALL, *outputs, *(["--threads", threads] if threads else [])]
+
+
+def written(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """What one process writes, without MPI."""
+    known = {}
+
+    def of(name):
+        if name not in known:
+            folder = tmp_path_factory.mktemp("alone")
+            command.succeed(*words(name), cwd=folder)
+            known[name] = written(folder)
+            assert set(known[name]) == set(JOBS[name][1])
+        return known[name]
+    return of
+
+
+@needs_mpi
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+@pytest.mark.parametrize("name", JOBS)
+def test_any_number_of_ranks_writes_the_same_bytes(alone, tmp_path, name, ranks, threads):
+    mpi.together(ranks, *words(name, threads), cwd=tmp_path)
+    assert written(tmp_path) == alone(name)
+
+
+@needs_mpi
+def test_all_directions_and_the_check_of_a_bake_are_those_of_one_process(tmp_path):
+    """Light by harmonics, its comparison with the path tracer, the sky's light in a group of its own: also what the report says of it."""
+    job = [SCENES / "two_spheres.gltf", "--density", "source", "--photons", "10k", "--bake", "sh1", "--voxel-size", "0.5", "--sky", "0.2,0.3,0.5", *SMALL, "-o", "a.vdb",
+           "--json"]
+    known = command.succeed(*job, cwd=tmp_path)
+    bytes_of_one = (tmp_path / "a.vdb").read_bytes()
+    _, out, _ = mpi.together(3, *job, "--overwrite", cwd=tmp_path)
+    assert json.loads(out)["bake"] == json.loads(known.out)["bake"]
+    assert (tmp_path / "a.vdb").read_bytes() == bytes_of_one
+
+
+@needs_mpi
+def test_without_mpirun_the_same_binary_runs_alone(alone, tmp_path):
+    mpi.run([mpi.binary(), *words("path")], cwd=tmp_path)
+    assert written(tmp_path) == alone("path")
+
+
+@needs_mpi
+def test_balance_and_study_are_those_of_one_process(tmp_path):
+    scene = SCENES / "two_spheres.gltf"
+
+    def balance(text):
+        return {key: value for key, value in json.loads(text).items() if key != "seconds"}
+    flux = ("flux", scene, "--photons", "300k", "--json", "-q")
+    known = balance(command.succeed(*flux).out)
+    for ranks in (2, 3):
+        assert balance(mpi.together(ranks, *flux)[1]) == known
+    study = ("study", scene, "--quick", "--size", "16x8", "--reference", "8", "-q", "-o")
+    command.succeed(*study, tmp_path / "one")
+    mpi.together(3, *study, tmp_path / "three")
+    pictures = {path.name: path.read_bytes() for path in (tmp_path / "one" / "pictures").iterdir()}
+    assert pictures and pictures == {path.name: path.read_bytes() for path in (tmp_path / "three" / "pictures").iterdir()}
+    assert (tmp_path / "three" / "index.html").is_file()
+    # What is there is not made again: no rank takes a picture on its own.
+    lines = (tmp_path / "three" / "runs.jsonl").read_text()
+    mpi.together(2, *study, tmp_path / "three")
+    assert (tmp_path / "three" / "runs.jsonl").read_text() == lines
+
+
+@needs_mpi
+def test_one_rank_speaks_and_counts_what_all_do(tmp_path):
+    job = [SCENES / "two_spheres.gltf", "--density", "source", "--integrator", "path", "--spp", "400", "--size", "48x32", "-o", "b.exr"]
+    _, out, err = mpi.together(3, *job, "--progress", "json", "--json", cwd=tmp_path)
+    report = json.loads(out)
+    assert report["together"]["ranks"] == 3 and report["together"]["bytes"] > 48 * 32 * 84
+    events = [json.loads(text) for text in err.splitlines() if text.startswith("{")]
+    assert [e["event"] for e in events].count("done") == 1
+    shares = [e["fraction"] for e in events if e.get("stage") == "render"]
+    assert shares == sorted(shares) and shares[-1] > 0.5
+
+
+# ---------------------------------------------------------------------------------------------------- faults
+
+@pytest.fixture
+def own(tmp_path):
+    """The command under a name of its own, so that its processes can be told from others'."""
+    path = tmp_path / "bin" / "cloudvdb"
+    path.parent.mkdir()
+    shutil.copy(mpi.binary(), path)
+    yield path
+    for left in mpi.processes(path):
+        os.kill(left, signal.SIGKILL)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    path = tmp_path / "out"
+    path.mkdir()
+    return path
+
+
+def ends(process, own, folder, says, within=15.0, hidden=False):
+    """The run must end with a code above 0 and a sentence, and leave nothing; but `hidden` files where no process could remove them."""
+    begun = time.monotonic()
+    try:
+        _, err = process.communicate(timeout=within)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        pytest.fail(f"the run goes on: {process.communicate()[1]}")
+    assert process.returncode not in (0, None), err
+    assert any(text in err for text in says), err
+    assert "panicked" not in err, err
+    assert mpi.gone(own), f"left: {mpi.processes(own)} after {time.monotonic() - begun:.1f} s"
+    left = [path.name for path in folder.iterdir() if not hidden or not path.name.endswith(".part")]
+    assert left == []
+
+
+def started(own, ranks, process, within=20.0):
+    """Waits until all ranks run; gives their ids."""
+    until = time.monotonic() + within
+    while len(mpi.processes(own)) < ranks:
+        assert time.monotonic() < until and process.poll() is None, process.communicate()[1]
+        time.sleep(0.02)
+    return mpi.processes(own)
+
+
+@needs_mpi
+@pytest.mark.parametrize("which", [0, 1, 2])
+@pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize("after", [0.1, 1.5])
+def test_a_rank_that_dies_ends_all(own, folder, which, by, after):
+    process = mpi.start(mpi.line((3, [own, *LONG])), folder)
+    ids = started(own, 3, process)
+    time.sleep(after)
+    os.kill(ids[which], by)
+    ends(process, own, folder, ["exited on signal", "non-zero status", "interrupted"], hidden=which == 0 and by == signal.SIGKILL)
+
+
+@needs_mpi
+@pytest.mark.parametrize("after", [0.0, 0.3, 2.0])
+def test_an_interrupted_run_ends_everywhere(own, folder, after):
+    process = mpi.start(mpi.line((3, [own, *LONG])), folder)
+    started(own, 3, process)
+    time.sleep(after)
+    process.send_signal(signal.SIGINT)
+    ends(process, own, folder, ["interrupted"] if after > 1 else [""])
+
+
+@needs_mpi
+def test_a_rank_of_another_build_is_refused(own, folder):
+    other = own.with_name("other")
+    other.write_bytes(own.read_bytes() + b"\0")
+    other.chmod(0o755)
+    process = mpi.start(mpi.line((2, [own, *LONG]), (1, [other, *LONG])), folder)
+    ends(process, own, folder, ["1 of 3 ranks run another cloudvdb than rank 0"])
+    assert mpi.gone(other)
+
+
+@needs_mpi
+def test_a_rank_with_another_scene_is_refused(own, folder):
+    other = [SCENES / "two_spheres.gltf", *LONG[1:]]
+    process = mpi.start(mpi.line((2, [own, *LONG]), (1, [own, *other])), folder)
+    ends(process, own, folder, ["1 of 3 ranks read another scene, or were given other settings"])
+
+
+@needs_mpi
+def test_a_rank_without_the_scene_says_where(own, folder):
+    other = ["missing.gltf", *LONG[1:]]
+    process = mpi.start(mpi.line((2, [own, *LONG]), (1, [own, *other])), folder)
+    ends(process, own, folder, ["rank 2 on"])
+
+
+@needs_mpi
+def test_a_rank_out_of_memory_ends_all(own, folder):
+    # The limit falls once the rank is at work, below what it has.
+    photons = [SCENES / "cumulus.gltf", "--integrator", "grid", "--photons", "20M", "--density", "source", "--memory", "8G",
+               "--size", "640x480", "-o", "a.exr", "--threads", "1"]
+    process = mpi.start(mpi.line((3, [own, *photons])), folder)
+    ids = started(own, 3, process)
+    time.sleep(2.0)
+    subprocess.run(["prlimit", f"--pid={ids[1]}", "--as=200000000"], check=True)
+    ends(process, own, folder, ["no more memory", "Free memory"], within=60.0)
+
+
+@needs_mpi
+def test_what_all_refuse_is_said_once(own, folder):
+    process = mpi.start(mpi.line((3, [own, "missing.gltf", "-o", "a.vdb"])), folder)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 1 and err.count("missing.gltf") == 1, err
+    process = mpi.start(mpi.line((3, [own, "--nonsense"])), folder)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 2 and err.count("unexpected argument") == 1, err
+
+
+# ---------------------------------------------------------------------------------------------------- checkpoints
+
+PICTURES = {
+    "path": ("--density", "source", "--integrator", "path", "--spp", "120"),
+    "grid": ("--density", "source", "--integrator", "grid", "--photons", "150k", "--spp", "16"),
+    "duality": ("--photons", "1M", "--max-voxels", "200k"),
+}
+
+
+def resumable(name, output, *more):
+    return [SCENES / "cumulus.gltf", *PICTURES[name], "--size", "64x48", "--threads", "2", "-o", output, *more]
+
+
+@pytest.mark.parametrize("name, by", [("path", signal.SIGINT), ("path", signal.SIGKILL), ("grid", signal.SIGKILL), ("duality", signal.SIGKILL)])
+def test_a_run_goes_on_from_its_checkpoint_to_the_same_bytes(tmp_path, name, by):
+    output = "out.vdb" if name == "duality" else "out.exr"
+    whole = command.succeed(*resumable(name, tmp_path / f"whole_{output}"))
+    stops, patience = 0, max(0.3, 0.3 * whole.seconds)
+    while not (tmp_path / output).exists() and stops < 20:
+        process = subprocess.Popen([str(command.binary()), *map(str, resumable(name, tmp_path / output, "--checkpoint", tmp_path / "run.checkpoint"))],
+                                   stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=command.environment())
+        try:
+            _, err = process.communicate(timeout=patience)
+            assert process.returncode == 0, err
+        except subprocess.TimeoutExpired:
+            process.send_signal(by)
+            _, err = process.communicate(timeout=30)
+            # What is not kept (voxels) must fit between two stops.
+            stops, patience = stops + 1, 1.3 * patience
+            assert process.returncode != 0 and (tmp_path / "run.checkpoint").exists()
+            assert by == signal.SIGKILL or "goes on from" in err, err
+    assert stops > 0, "nothing was interrupted"
+    assert (tmp_path / output).read_bytes() == (tmp_path / f"whole_{output}").read_bytes()
+    assert not (tmp_path / "run.checkpoint").exists()
+
+
+def test_the_checkpoint_of_another_run_is_refused(tmp_path):
+    kept = tmp_path / "run.checkpoint"
+    job = [SCENES / "cumulus.gltf", "--density", "source", "--integrator", "path", "--size", "96x72", "-o", tmp_path / "b.exr",
+           "--checkpoint", kept]
+    process = subprocess.Popen([str(command.binary()), *map(str, job), "--spp", "30000"],
+                               stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        until = time.monotonic() + 20
+        while not kept.exists() and time.monotonic() < until:
+            time.sleep(0.05)
+        command.refuse(*job, "--spp", "30000", says=["run.checkpoint", "goes on right now"])
+    finally:
+        process.kill()
+        process.wait()
+    command.refuse(*job, "--spp", "30001", says=["run.checkpoint", "another run"])
+    picture = tmp_path / "picture.exr"
+    picture.write_bytes(b"not a checkpoint")
+    command.refuse(*job[:-1], picture, "--spp", "3", says=["picture.exr", "is no checkpoint"])
+    assert picture.read_bytes() == b"not a checkpoint"
+
+
+@needs_mpi
+def test_ranks_go_on_from_what_another_number_of_ranks_did(own, tmp_path, folder):
+    whole = command.succeed(*resumable("path", tmp_path / "whole.exr"))
+    words = resumable("path", folder / "out.exr", "--checkpoint", folder / "run.checkpoint")
+    stops = 0
+    for ranks in (1, 3, 2, 4):
+        process = mpi.start(mpi.line((ranks, [own, *words])))
+        ids = started(own, ranks, process)
+        try:
+            process.communicate(timeout=max(0.6, 0.3 * whole.seconds))
+        except subprocess.TimeoutExpired:
+            os.kill(ids[-1], signal.SIGKILL)
+            process.communicate(timeout=20)
+            stops += 1
+        assert mpi.gone(own)
+    assert stops > 0
+    if not (folder / "out.exr").exists():
+        mpi.run(mpi.line((2, [own, *words])))
+    assert (folder / "out.exr").read_bytes() == (tmp_path / "whole.exr").read_bytes()
+    assert not (folder / "run.checkpoint").exists()
+
+
+# ---------------------------------------------------------------------------------------------------- hosts
+
+@needs_mpi
+def test_hosts_with_addresses_of_their_own(alone, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    try:
+        with mpi.hosts(tmp_path) as flags:
+            mpi.run(mpi.line((3, [mpi.binary(), *words("duality, grid, bake", 1)]), flags=flags), cwd=out)
+            assert written(out) == alone("duality, grid, bake")
+            _, _, err = mpi.run(mpi.line((2, [mpi.binary(), *LONG]), (1, [mpi.binary(), "missing.gltf", *LONG[1:]]), flags=flags),
+                                cwd=pathlib.Path(tmp_path), code=None)
+            assert "on cvdb" in err, err
+    except (subprocess.CalledProcessError, FileNotFoundError, PermissionError) as e:
+        pytest.skip(f"this machine makes no network namespaces ({e})")
