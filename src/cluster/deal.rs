@@ -241,7 +241,7 @@ mod tests {
         assert_eq!(items, (3..1000).filter(|&item| !done(item)).collect::<Vec<_>>());
         assert_eq!(queue.left, 0);
         let sizes: Vec<u64> = grants.iter().map(|r| r.end - r.start).collect();
-        // From a twelfth of all, but where a range ends, down to one for each thread.
-        assert_eq!((sizes[0], *sizes.iter().max().unwrap(), sizes[sizes.len() - 2]), (2, 81, 2));
+        // A twelfth of what is left, but where a range ends; down to one for each thread.
+        assert_eq!((sizes[0], *sizes.iter().max().unwrap(), sizes[sizes.len() - 2]), (2, 80, 2));
     }
 }

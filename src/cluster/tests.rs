@@ -16,13 +16,15 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Barrier, Mutex};
 
 type Mail = (usize, Vec<u8>);
+/// Where all meet: sums so far, and what rank 0 has said.
+type Hall = (Barrier, Mutex<Vec<u64>>, Mutex<Vec<u8>>);
 
 /// A rank's end of the pipes between all.
 struct Pipes {
     rank: usize,
     to: Vec<Mutex<Sender<Mail>>>,
     from: Mutex<Receiver<Mail>>,
-    hall: Arc<(Barrier, Mutex<Vec<u64>>, Mutex<Vec<u8>>)>,
+    hall: Arc<Hall>,
 }
 
 impl Wire for Pipes {
@@ -68,7 +70,7 @@ impl Wire for Pipes {
 }
 
 fn pipes(ranks: usize) -> Vec<Pipes> {
-    let hall = Arc::new((Barrier::new(ranks), Mutex::default(), Mutex::default()));
+    let hall: Arc<Hall> = Arc::new((Barrier::new(ranks), Mutex::default(), Mutex::default()));
     let (to, from): (Vec<Sender<Mail>>, Vec<Receiver<Mail>>) = (0..ranks).map(|_| channel()).unzip();
     let one =
         |(rank, from)| Pipes { rank, to: to.iter().cloned().map(Mutex::new).collect(), from: Mutex::new(from), hall: Arc::clone(&hall) };
