@@ -6,8 +6,11 @@ use crate::regions::Placement;
 use crate::stats::Estimate;
 use crate::study::accuracy::page::{STYLE, escaped, picture};
 
+/// A figure of a cell in words.
+type Words = fn(&[Estimate; NAMES.len()]) -> String;
+
 /// What is shown of a cell.
-const COLUMNS: [(&str, fn(&[Estimate; NAMES.len()]) -> String); 8] = [
+const COLUMNS: [(&str, Words); 8] = [
     ("mass", |f| share(f[0])),
     ("uncovered", |f| share(f[UNCOVERED])),
     ("in place", |f| share(f[IN_PLACE])),
