@@ -168,6 +168,12 @@ impl Media {
         if rng.uniform() < look { guess + (exact(rng) - guess) / look } else { guess }
     }
 
+    /// The transmittance along the ray's first `t_max` metres; where there are grids an unbiased estimate.
+    pub fn clear(&self, ray: &Ray, t_max: f32, rng: &mut Rng, scratch: &mut Scratch) -> f64 {
+        let clear = (-self.depth_of_regions(ray, t_max, scratch)).exp();
+        self.grids.iter().fold(clear, |left, grid| if left > 0.0 { left * grid.transmittance(ray, t_max, rng) } else { 0.0 })
+    }
+
     /// Flies through the homogeneous regions along `ray`, at most `t_max` metres, until `tau` of optical depth is spent.
     ///
     /// `hint` is a lower bound of the extinction where the ray starts (0 if unknown): the flight looks only as far as

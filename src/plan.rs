@@ -121,6 +121,7 @@ impl Plan {
             regions: scene.regions.iter().map(|r| Region { medium: medium(r.medium), ..r.clone() }).collect(),
             surfaces: scene.surfaces.iter().map(|s| Surface { albedo: grey(s.albedo), ..s.clone() }).collect(),
             sun: Sun { irradiance: grey(scene.sun.irradiance), angular_diameter, ..scene.sun },
+            lamps: scene.lamps.iter().map(|lamp| lamp.coloured(grey)).collect(),
             sky: if self.without(Sky) { [0.0; 3] } else { grey(scene.sky) },
             dome: scene.dome.as_ref().filter(|_| !self.without(Sky)).and_then(|dome| dome.coloured(grey)).map(Arc::new),
             air: if self.without(AirEffect) { Air::default() } else { scene.air.coloured(grey) },

@@ -39,7 +39,7 @@ impl ShapeKind {
 }
 
 /// `extras.cloudvdb` of a node or a material.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Spec {
     pub shape: Option<ShapeKind>,
     pub radius: Option<f64>,
@@ -52,6 +52,8 @@ pub(super) struct Spec {
     pub grid: Option<String>,
     /// The depth over which density rises from the boundary inward, m of the world.
     pub falloff: Option<f64>,
+    /// The radius of the lamp that the node is, m of the world.
+    pub lamp_radius: Option<f64>,
     pub detail: Option<Asked>,
     pub medium: MediumSpec,
 }
@@ -66,7 +68,8 @@ pub(super) struct SceneSpec {
     pub air: Option<Air>,
 }
 
-const SHAPE_KEYS: [&str; 9] = ["shape", "radius", "half_height", "threshold", "stiffness", "file", "grid", "falloff", "detail"];
+const SHAPE_KEYS: [&str; 10] =
+    ["shape", "radius", "half_height", "threshold", "stiffness", "file", "grid", "falloff", "detail", "lamp_radius"];
 const MEDIUM_KEYS: [&str; 6] = ["preset", "sigma_s", "sigma_a", "sigma_t", "albedo", "g"];
 /// Keys that `-o regions.glb` writes for people, and that say nothing about the scene.
 const WRITTEN_KEYS: [&str; 1] = ["photons"];
@@ -94,6 +97,7 @@ pub(super) fn spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>) -> R
         file: fields.text("file")?.map(str::to_owned),
         grid: fields.text("grid")?.map(str::to_owned),
         falloff: fields.positive("falloff")?,
+        lamp_radius: fields.positive("lamp_radius")?,
         detail: detail::read(&fields)?,
         medium: MediumSpec::read(&fields)?,
     }))

@@ -39,7 +39,11 @@ pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions, 
     }
     builder.strays(&visits);
     if !builder.findings.iter().any(|f| f.became == Became::Sun) {
-        if options.overrides.sun.is_none() {
+        let lamps = builder.scene.lamps.len();
+        if lamps > 0 && options.overrides.sun.is_none() {
+            builder.scene.sun.irradiance = [0.0; 3];
+            builder.notes.push(format!("No sun (a directional light), and {lamps} lamps: none is assumed, the lamps are the light. --sun gives one."));
+        } else if options.overrides.sun.is_none() {
             builder.notes.push("No sun (a directional light): one 45 degrees high in the south-west, 1 W/m^2, is assumed. In Blender, add a Sun and tick Punctual Lights when you export.".into());
         }
         if let Some(angle) = builder.scene_spec.sun_angle {
@@ -72,7 +76,7 @@ impl<'a> Builder<'a> {
         }
         let extensions = node.extensions.as_deref();
         if let Some(light) = extensions.and_then(|e| e.light.as_ref()) {
-            self.light(visit, light.light, at)?;
+            self.light(visit, light.light, spec.as_ref().and_then(|spec| spec.lamp_radius), at)?;
         }
         if let Some(camera) = node.camera {
             self.camera(visit, camera, at)?;
@@ -95,7 +99,9 @@ impl<'a> Builder<'a> {
             None if node.mesh.is_some() || thing.spec.shape.is_some() => self.place(&thing),
             None => {
                 let bare = node.camera.is_none() && extensions.is_none_or(|e| e.light.is_none());
-                self.empty(node, bare, said.then_some(&spec), at);
+                // What a lamp's extras say is said of the lamp.
+                let lamp = extensions.is_some_and(|e| e.light.is_some()) && *thing.spec == Spec { lamp_radius: spec.lamp_radius, ..Spec::default() };
+                self.empty(node, bare, (said && !lamp).then_some(&spec), at);
                 Ok(())
             }
         }

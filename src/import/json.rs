@@ -215,6 +215,14 @@ pub(super) struct Light {
     pub kind: String,
     pub color: Option<Numbers>,
     pub intensity: Option<Value>,
+    pub spot: Option<Spot>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Spot {
+    pub inner_cone_angle: Option<Value>,
+    pub outer_cone_angle: Option<Value>,
 }
 
 /// Parses JSON; where it is not JSON only because it holds numbers that JSON cannot hold, these become `null`.

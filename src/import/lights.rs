@@ -1,18 +1,19 @@
-//! The sun and the camera.
+//! The sun, lamps and the camera.
 
 use super::{Became, at::At, build::Builder, extras::describe, json, walk::Visit};
 use crate::{
     Result,
-    scene::{Camera, Sun, light::SUN_ANGLE},
+    scene::{Camera, Lamp, Spot, Sun, lamp::LAMP_RADIUS, light::SUN_ANGLE},
 };
 use glam::{DAffine3, DMat3, DVec3};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-/// Lumens per watt by which glTF's lux become W m^-2.
+/// Lumens per watt by which glTF's lux become W m^-2, and its candelas W/sr.
 const LUMENS_PER_WATT: f64 = 683.0;
 
 impl Builder<'_> {
-    /// Takes a node's light: the first directional one is the sun.
-    pub fn light(&mut self, visit: &Visit, index: usize, at: At) -> Result<()> {
+    /// Takes a node's light: the first directional one is the sun, points and spots are lamps (of that radius, m, where the node says one).
+    pub fn light(&mut self, visit: &Visit, index: usize, radius: Option<f64>, at: At) -> Result<()> {
         let lights = self.root.extensions.as_ref().and_then(|e| e.lights.as_ref()).map_or(&[][..], |l| &l.lights);
         let light = lights.get(index).ok_or_else(|| {
             at.error("light", index.to_string(), format!("one of the file's {} lights", lights.len()), "Export the file again")
@@ -24,7 +25,19 @@ impl Builder<'_> {
                 self.found(at.name(), Became::Sun, "the first directional light");
             }
             ("directional", Some(first)) => self.found(at.name(), Became::Ignored, format!("a second sun: {first:?} is the sun")),
-            (kind, _) => self.found(at.name(), Became::Ignored, format!("a {kind} light: only a sun (directional light) shines for now")),
+            (kind @ ("point" | "spot"), _) => {
+                let lamp = lamp(light, visit, radius.unwrap_or(LAMP_RADIUS), at)?;
+                if lamp.grey() > 0.0 {
+                    self.scene.lamps.push(lamp);
+                    self.found(at.name(), Became::Lamp, format!("a {kind} light"));
+                } else {
+                    self.found(at.name(), Became::Ignored, format!("a {kind} light that is dark"));
+                }
+            }
+            (kind, _) => {
+                let why = format!("a {kind} light: glTF has directional, point and spot lights");
+                self.found(at.name(), Became::Ignored, why);
+            }
         }
         Ok(())
     }
@@ -47,27 +60,61 @@ impl Builder<'_> {
     }
 }
 
-/// The sun out of a directional light: its light travels along the node's -Z.
-fn sun(light: &json::Light, visit: &Visit, angle: Option<f64>, at: At) -> Result<Sun> {
-    let fix = "Correct the light in Blender and export again";
+const FIX: &str = "Correct the light in Blender and export again";
+
+/// What a light gives: lux or candela, over 683 lm/W, RGB.
+fn strength(light: &json::Light, unit: &str, at: At) -> Result<[f64; 3]> {
     let intensity = match &light.intensity {
         None => 1.0,
         Some(value) => value
             .as_f64()
             .filter(|&v| v >= 0.0 && v <= f64::from(f32::MAX))
-            .ok_or_else(|| at.error("light's intensity", describe(value), "a number of lux, not below 0", fix))?,
+            .ok_or_else(|| at.error("light's intensity", describe(value), format!("a number of {unit}, not below 0"), FIX))?,
     };
     let colour = match &light.color {
         None => [1.0; 3],
         Some(colour) => super::walk::numbers(colour, "light's color", at)?,
     };
     if colour.iter().any(|&c| c < 0.0) {
-        return Err(at.error("light's color", format!("{colour:?}"), "three numbers not below 0", fix));
+        return Err(at.error("light's color", format!("{colour:?}"), "three numbers not below 0", FIX));
     }
-    let direction = (visit.world.matrix3 * DVec3::NEG_Z)
-        .try_normalize()
-        .ok_or_else(|| at.error("scale", "zero", "a scale other than 0", "Apply the scale of the light and of its parents"))?;
-    Ok(Sun { direction, irradiance: colour.map(|c| c * intensity / LUMENS_PER_WATT), angular_diameter: angle.unwrap_or(SUN_ANGLE) })
+    Ok(colour.map(|c| c * intensity / LUMENS_PER_WATT))
+}
+
+/// Along which a node's light travels: its -Z.
+fn axis(visit: &Visit, at: At) -> Result<DVec3> {
+    let axis = (visit.world.matrix3 * DVec3::NEG_Z).try_normalize();
+    axis.ok_or_else(|| at.error("scale", "zero", "a scale other than 0", "Apply the scale of the light and of its parents"))
+}
+
+/// The sun out of a directional light.
+fn sun(light: &json::Light, visit: &Visit, angle: Option<f64>, at: At) -> Result<Sun> {
+    let irradiance = strength(light, "lux", at)?;
+    Ok(Sun { direction: axis(visit, at)?, irradiance, angular_diameter: angle.unwrap_or(SUN_ANGLE) })
+}
+
+/// A lamp out of a point or spot light. Its scale is of no matter, as KHR_lights_punctual has it.
+fn lamp(light: &json::Light, visit: &Visit, radius: f64, at: At) -> Result<Lamp> {
+    let intensity = strength(light, "candela", at)?;
+    let spot = if light.kind == "spot" { Some(spot(light.spot.as_ref(), axis(visit, at)?, at)?) } else { None };
+    Ok(Lamp { name: at.name(), position: visit.world.translation, radius, intensity, spot })
+}
+
+fn spot(cone: Option<&json::Spot>, axis: DVec3, at: At) -> Result<Spot> {
+    let angle = |said: Option<&serde_json::Value>, name: &str, usual: f64| match said {
+        None => Ok(usual),
+        Some(value) => value
+            .as_f64()
+            .filter(|v| (0.0..=FRAC_PI_2 + 1e-6).contains(v))
+            .ok_or_else(|| at.error(format!("light's {name}"), describe(value), "an angle in radians from 0 to pi / 2", FIX)),
+    };
+    let inner = angle(cone.and_then(|c| c.inner_cone_angle.as_ref()), "innerConeAngle", 0.0)?;
+    let outer = angle(cone.and_then(|c| c.outer_cone_angle.as_ref()), "outerConeAngle", FRAC_PI_4)?;
+    if outer <= 0.0 || inner > outer {
+        let found = format!("an inner angle of {inner} and an outer one of {outer}");
+        return Err(at.error("light's spot", found, "an inner angle not above the outer one, which is above 0", FIX));
+    }
+    Ok(Spot { axis, cosines: [inner.cos(), outer.cos()] })
 }
 
 /// A camera out of a perspective camera; its scale is of no matter.

@@ -99,6 +99,8 @@ pub enum Became {
     Surface,
     /// The sun.
     Sun,
+    /// A lamp.
+    Lamp,
     /// The camera.
     Camera,
     /// Nothing.

@@ -283,7 +283,8 @@ impl Channel {
             let (albedo, g) = band.optics[region as usize];
             let before = band.air.transmittance(ray, distance);
             let here = Ray { origin: ray.at(distance), direction: ray.direction };
-            direct += albedo * before * tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch).0;
+            let sun = tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch).0;
+            direct += albedo * before * (sun + tracer.lamps_in_medium(band, &here, g, rng, &mut room.scratch));
             far += f64::from(distance);
             if let Some(field) = field {
                 field.scattered(here.origin, -ray.direction, g, before * albedo * weight as f32, &mut found);

@@ -4,6 +4,7 @@ mod band;
 mod emission;
 pub mod flux;
 mod grid;
+mod lamplight;
 mod lens;
 mod lobe;
 mod path;

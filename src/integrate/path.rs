@@ -1,4 +1,4 @@
-//! The reference: unbiased path tracing through media and off surfaces, sunlight sampled at every event.
+//! The reference: unbiased path tracing through media and off surfaces, sun and lamps looked at from every event.
 //!
 //! No step is cut and nothing is interpolated: media are crossed by [`Media::fly`](crate::media::Media::fly), air by a flight of its
 //! own of which the shorter counts, the sun's disc
@@ -6,12 +6,16 @@
 //! it keeps balance in the mean.
 
 use super::band::{Band, bands};
+use super::lamplight::Lamplight;
 use super::lens::View;
 use super::skylight::Skylight;
 use super::sunlight::Sunlight;
 use super::tile::{Arrival, Layer, Transport};
 use crate::geom::Ray;
-use crate::media::{Flight, Scratch, air::Spectrum};
+use crate::media::{
+    Flight, Scratch,
+    air::{self, Spectrum},
+};
 use crate::plan::{EffectName, Plan};
 use crate::rng::Rng;
 use crate::sampling::{around, cosine_hemisphere, cosine_hemisphere_pdf};
@@ -34,6 +38,7 @@ pub(super) struct PathTracer {
     pub albedos: Vec<Vec3>,
     pub sun: Sunlight,
     pub sky: Skylight,
+    lamps: Lamplight,
     /// Collisions with regions after which a path ends.
     orders: u64,
     /// Whether surfaces light regions, and regions shade surfaces.
@@ -55,6 +60,7 @@ impl PathTracer {
             albedos: scene.surfaces.iter().map(|s| colour(s.albedo)).collect(),
             sun: Sunlight::new(&scene.sun, plan.on(EffectName::SunDisc)),
             sky: Skylight::new(scene),
+            lamps: Lamplight::new(scene, origin),
             orders: plan.orders.map_or(MOST_COLLISIONS, u64::from),
             bounces: plan.on(EffectName::SurfaceBounce),
             shades: plan.on(EffectName::CloudShadow),
@@ -93,6 +99,7 @@ impl PathTracer {
                 let before = ray.direction;
                 let sent = |toward| air.scattering.value(one_minus_cos(before, toward));
                 arrival.light[layer as usize] += throughput * self.sky.look(band, &self.surfaces, ray.origin, sent, rng, scratch);
+                arrival.light[layer as usize] += throughput * self.lamps_in_air(band, &ray, air, rng, scratch);
                 let (cos, sin) = air.scattering.sample(rng.uniform());
                 ray.direction = around(before, cos as f32, sin as f32, rng.uniform_f32());
                 own = if self.sky.peaked() { sent(ray.direction) } else { own };
@@ -124,7 +131,7 @@ impl PathTracer {
                 ray.origin = ray.at(distance);
                 hint = sigma_t;
                 let (light, clear) = self.sun.in_medium(band, &self.surfaces, &ray, (g, share), rng, scratch);
-                arrival.light[layer as usize] += throughput * light;
+                arrival.light[layer as usize] += throughput * (light + self.lamps_in_medium(band, &ray, g, rng, scratch));
                 let rivals = if order < self.orders { self.sun.rivals(g, clear) } else { None };
                 if let Some(direction) = rivals.and_then(|r| self.sun.sunward(&r, rng)) {
                     let share = rivals.map_or(0.0, |r| self.sun.share(&r, ray.direction, direction));
@@ -159,15 +166,30 @@ impl PathTracer {
         }
     }
 
-    /// The sunlight that a white surface sends out from `p` (radiance).
+    /// The light of sun and lamps that a white surface sends out from `p` (radiance).
     pub(super) fn on_surface(&self, band: &Band, p: Vec3, hit: &Hit, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
-        self.sun.on_surface(band, &self.surfaces, (p, self.shades), hit, rng, scratch)
+        let sent = |toward: Vec3| cosine_hemisphere_pdf(toward.dot(hit.normal)).into();
+        let lamps = self.lamps.look(band, &self.surfaces, p, sent, rng, scratch);
+        lamps + self.sun.on_surface(band, &self.surfaces, (p, self.shades), hit, rng, scratch)
     }
 
     /// What of the sky's light a white surface sends out from `p` (radiance) that looks find.
     pub(super) fn sky_on_surface(&self, band: &Band, p: Vec3, hit: &Hit, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
         let sent = |toward: Vec3| cosine_hemisphere_pdf(toward.dot(hit.normal).max(0.0)).into();
         self.sky.look(band, &self.surfaces, p, sent, rng, scratch)
+    }
+
+    /// The light of lamps that a collision at the ray's origin, with albedo 1, scatters back along the ray.
+    #[inline]
+    pub(super) fn lamps_in_medium(&self, band: &Band, ray: &Ray, g: f64, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
+        let sent = |toward| henyey_greenstein(g, one_minus_cos(ray.direction, toward));
+        self.lamps.look(band, &self.surfaces, ray.origin, sent, rng, scratch)
+    }
+
+    /// The light of lamps that air of albedo 1 at the ray's origin scatters back along the ray.
+    pub(super) fn lamps_in_air(&self, band: &Band, ray: &Ray, layer: &air::Layer, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
+        let sent = |toward| layer.scattering.value(one_minus_cos(ray.direction, toward));
+        self.lamps.look(band, &self.surfaces, ray.origin, sent, rng, scratch)
     }
 
     /// The sunlight that the next collision along `ray` scatters back along it, times `share`.

@@ -201,13 +201,17 @@ impl PhotonTracer {
     }
 }
 
-/// The grey scenes that make up a scene, with the channels that each stands for and the tint of its sunlight.
+/// The grey scenes that make up a scene, with the channels that each stands for and the tint of the light of its sun and lamps.
 pub(super) fn channels_of(scene: &Scene, model: Model) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
-    let grey = scene.sun.grey_irradiance();
-    let tint = if grey > 0.0 { (DVec3::from_array(scene.sun.irradiance) / grey).as_vec3() } else { Vec3::ZERO };
+    let lights = || std::iter::once(scene.sun.irradiance).chain(scene.lamps.iter().map(|l| l.intensity)).filter(|&l| luminance(l) > 0.0);
+    let tints = || lights().map(|light| DVec3::from_array(light) / luminance(light));
+    let tint = tints().next().unwrap_or(DVec3::ZERO);
+    let alike = tints().all(|other| (other - tint).abs().max_element() <= 1e-9);
+    let tint = tint.as_vec3();
     let same = |c: [f64; 3]| c[0] == c[1] && c[1] == c[2];
     if scene.regions.iter().all(|r| r.medium.is_grey())
         && scene.air.is_grey()
+        && alike
         && scene.dome.as_ref().is_none_or(|dome| dome.has_one_colour())
         && (scene.surfaces.iter().all(|s| same(s.albedo)) || model == Model::Hura2006)
     {
@@ -232,6 +236,7 @@ fn with(scene: &Scene, medium: &dyn Fn(&Medium) -> Medium, of: &dyn Fn([f64; 3])
         regions: scene.regions.iter().map(|r| Region { medium: medium(&r.medium), ..r.clone() }).collect(),
         surfaces: scene.surfaces.iter().map(|s| Surface { albedo: of(s.albedo), ..s.clone() }).collect(),
         sun: Sun { irradiance: of(scene.sun.irradiance), ..scene.sun },
+        lamps: scene.lamps.iter().map(|lamp| lamp.coloured(of)).collect(),
         sky: of(scene.sky),
         dome: scene.dome.as_ref().and_then(|dome| dome.coloured(of)).map(Arc::new),
         air: scene.air.coloured(of),
@@ -249,7 +254,7 @@ fn traced(
     progress: &dyn Progress,
     lighting: &mut Lighting,
 ) -> Result<Option<PhotonMap>> {
-    if !scene.sun.shines() || scene.regions.is_empty() {
+    if !(scene.sun.shines() || scene.lamps.iter().any(|lamp| lamp.grey() > 0.0)) || scene.regions.is_empty() {
         return Ok(None);
     }
     match tracer.fill(wanted, seed, progress) {

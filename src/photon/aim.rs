@@ -3,7 +3,7 @@
 use crate::rng::Rng;
 use crate::sampling::around;
 use glam::Vec3;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// The regions' bounding sphere around the origin.
 #[derive(Debug, Clone, Copy)]
@@ -11,7 +11,7 @@ pub(super) struct Aim {
     pub(super) radius: f32,
 }
 
-/// The cone of directions from a point to a sphere.
+/// A cone of directions, such as that from a point to a sphere.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cone {
     axis: Vec3,
@@ -39,6 +39,14 @@ impl Aim {
 }
 
 impl Cone {
+    /// All directions.
+    pub(super) const ALL: Cone = Cone { axis: Vec3::Z, cos_alpha: -2.0, solid_angle: 4.0 * PI };
+
+    /// The cone about an axis with that cosine of its half angle.
+    pub(super) fn around(axis: Vec3, cos_alpha: f64) -> Self {
+        Cone { axis, cos_alpha, solid_angle: TAU * (1.0 - cos_alpha) }
+    }
+
     /// A direction uniform over the cone.
     pub(super) fn sample(&self, rng: &mut Rng) -> Vec3 {
         let away = rng.uniform() * self.solid_angle / TAU;

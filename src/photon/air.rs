@@ -119,10 +119,12 @@ impl Tracer {
         sigma_s * (once + self.arriving(onward, true, rng, scratch))
     }
 
-    /// Sunlight that air of albedo 1 at the ray's origin scatters back along it, and the ray on which other light would come.
+    /// Sunlight, and light of lamps, that air of albedo 1 at the ray's origin scatters back along it, and the ray on which other light would come.
     fn scattered(&self, ray: Ray, layer: &Layer, rng: &mut Rng, scratch: &mut Scratch) -> (DVec3, Ray) {
         let (toward, light) = self.sun_at(ray.origin, rng, scratch);
         let once = light * layer.scattering.value(one_minus_cos(ray.direction, toward));
+        let sent = |toward| layer.scattering.value(one_minus_cos(ray.direction, toward));
+        let once = once + self.lamps_at(ray.origin, sent, rng, scratch);
         let (cos, sin) = layer.scattering.sample(rng.uniform());
         (once, Ray { direction: around(ray.direction, cos as f32, sin as f32, rng.uniform_f32()), ..ray })
     }
@@ -172,6 +174,8 @@ impl Tracer {
                 if counts && throughput != DVec3::ZERO {
                     let (toward, irradiance) = self.sun_at(p, rng, scratch);
                     light += throughput * irradiance * (f64::from(toward.dot(hit.normal).max(0.0)) * FRAC_1_PI);
+                    let sent = |toward: Vec3| f64::from(toward.dot(hit.normal).max(0.0)) * FRAC_1_PI;
+                    light += throughput * self.lamps_at(p, sent, rng, scratch);
                 }
                 ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
             } else {

@@ -62,11 +62,14 @@ impl Colours {
         let (sun, sky) = (tint(scene.sun.irradiance), tint(scene.sky));
         let (sunny, overcast) = (luminance(scene.sun.irradiance) > 0.0, luminance(scene.sky) > 0.0);
         let one = scene.dome.as_ref().is_none_or(|dome| dome.has_one_colour());
-        let alike = one && (!sunny || !overcast || (sun - sky).abs().max_element() <= 1e-9);
+        let lamps = || scene.lamps.iter().filter(|lamp| lamp.grey() > 0.0).map(|lamp| tint(lamp.intensity));
+        let lights: Vec<DVec3> = [sunny.then_some(sun), overcast.then_some(sky)].into_iter().flatten().chain(lamps()).collect();
+        let main = lights.first().copied().unwrap_or(DVec3::ONE);
+        let alike = one && lights.iter().all(|light| (light - main).abs().max_element() <= 1e-9);
         let grey = scene.regions.iter().all(|r| r.medium.is_grey()) && scene.surfaces.iter().all(|s| same(s.albedo)) && scene.air.is_grey();
         let (sun, sky) = (sun.as_vec3(), sky.as_vec3());
         if alike && grey {
-            return Colours::Even(if sunny { sun } else { sky });
+            return Colours::Even(main.as_vec3());
         }
         let share = |rgb: [f64; 3]| {
             let strongest = rgb.into_iter().fold(0.0, f64::max);

@@ -102,6 +102,11 @@ impl Emitter {
         Emitter { axis, sin_alpha, irradiance: scene.sun.grey_irradiance(), target }
     }
 
+    /// The same where the sun shines; else that of one with 1 W m^-2.
+    pub(super) fn bright(&self) -> Self {
+        Emitter { irradiance: if self.irradiance > 0.0 { self.irradiance } else { 1.0 }, ..self.clone() }
+    }
+
     /// What surfaces aim at; `None` where regions have no end.
     pub(super) fn aim(&self) -> Option<&Aim> {
         match &self.target {

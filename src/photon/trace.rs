@@ -4,6 +4,7 @@ use super::air::AirLight;
 use super::colour::Colours;
 use super::emit::{Emitter, Start};
 use super::eye::Eye;
+use super::lamp::Lamps;
 use super::map::PhotonMap;
 use super::rules::{Hura2006, Physical, Rules};
 use super::sky::Sky;
@@ -116,6 +117,7 @@ pub struct Tracer {
     pub(super) albedos: Vec<f64>,
     pub(super) emitter: Emitter,
     sky: Option<Sky>,
+    pub(super) lamps: Option<Lamps>,
     pub(super) sky_radiance: DVec3,
     pub(super) dome: Option<Arc<Dome>>,
     pub(super) colours: Colours,
@@ -145,14 +147,16 @@ impl Tracer {
         let alone = scene.regions.iter().all(|r| r.shape.is_endless());
         let local = |b: Bounds| Tile { min: (b.min - origin).as_vec3(), max: (b.max - origin).as_vec3() };
         let tile = |shape: &Shape| (shape.is_endless() && !alone).then(|| local(shape.bounds()));
+        let emitter = Emitter::new(scene, origin, plan.on(EffectName::SunDisc), bounces);
         Tracer {
             media: Media::new(&scene.regions, origin),
             air: Atmosphere::default(),
             air_light: None,
             surfaces: TriMesh::new(&meshes, origin),
             albedos: scene.surfaces.iter().map(|s| if bounces { luminance(s.albedo).clamp(0.0, 1.0) } else { 0.0 }).collect(),
-            emitter: Emitter::new(scene, origin, plan.on(EffectName::SunDisc), bounces),
             sky: Sky::of(scene, origin, bounces),
+            lamps: Lamps::of(scene, origin, emitter.aim(), bounces),
+            emitter,
             sky_radiance: DVec3::from_array(scene.sky),
             dome: scene.dome.clone(),
             colours: Colours::Even(Vec3::ONE),
@@ -220,7 +224,7 @@ impl Tracer {
         let shut_out = shot.collisions == 0 && (self.thickest > 0.01 || shot.energy.ratio(Fate::AbsorbedSurface as usize).value > 0.999);
         if shot.energy.denominator() <= 0.0 || shut_out {
             return Err(Error::Scene {
-                reason: "no light reaches any region: the sun is dark, below the horizon of a layer without end, or surfaces stand between it and every region".into(),
+                reason: "no light reaches any region: sun and lamps are dark, the sun is below the horizon of a layer without end, or surfaces stand between it and every region".into(),
                 fix: "Give the sun a strength above zero, and check what lies between it and the cloud".into(),
             });
         }
@@ -232,12 +236,14 @@ impl Tracer {
     /// that the emitter aims at the scene, by 16 batches of 1024 rays.
     pub fn sunlight_through(&self, other: &[Region], seed: u64) -> (Estimate, Estimate) {
         let other = Media::new(other, self.origin);
+        // Shares are those of any sun, a dark one too.
+        let emitter = self.emitter.bright();
         let (mut ratios, mut scratch) = (Ratios::<2>::default(), Scratch::default());
         for item in 0..16 {
             let mut rng = Rng::new(seed, Stage::Sunlight, item);
             let (mut through, mut power) = ([0.0; 2], 0.0);
             for _ in 0..1024 {
-                let start = self.emitter.emit(&mut rng, &self.surfaces, None);
+                let start = emitter.emit(&mut rng, &self.surfaces, None);
                 let depth = self.media.optical_depth(&start.ray, f32::INFINITY, &mut scratch);
                 // Light beside the layout, or aimed at surfaces, says nothing about it.
                 if depth > 0.0 {

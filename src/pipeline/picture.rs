@@ -112,6 +112,7 @@ pub fn lit<'a>(scene: &'a Scene, written: &[Region], density: Density) -> Cow<'a
             regions: written.to_vec(),
             surfaces: scene.surfaces.clone(),
             sun: scene.sun,
+            lamps: scene.lamps.clone(),
             sky: scene.sky,
             dome: scene.dome.clone(),
             air: scene.air,

@@ -57,10 +57,11 @@ struct Orders {
 }
 
 /// Light of order n + 1 comes from light of order n that collides once more, of which there is a share of at most 1 - e^-tau; the first
-/// order is at least e^-tau of what the sun's is without attenuation, unless a surface hides the sun.
+/// order is at least e^-tau of what the sun's is without attenuation, unless a surface hides the sun. Of lamps, which may stand anywhere, no
+/// order has such a bound.
 fn orders(scene: &Scene) -> Orders {
     let tau: f64 = scene.regions.iter().map(deepest).sum();
-    if tau >= THICK || scene.regions.is_empty() || may_hide_the_sun(scene) {
+    if tau >= THICK || scene.regions.is_empty() || may_hide_the_sun(scene) || !scene.lamps.is_empty() {
         return Orders { tau, terms: None };
     }
     let collides = -(-tau).exp_m1();
@@ -227,8 +228,10 @@ fn reflected(scene: &Scene) -> f64 {
 
 pub(super) fn surface_bounce(scene: &Scene) -> Finding {
     let albedo = scene.surfaces.iter().flat_map(|s| s.albedo).fold(0.0, f64::max);
-    let bound = reflected(scene);
-    let reason = if albedo > 0.0 && !scene.regions.is_empty() {
+    let bound = if scene.lamps.is_empty() { reflected(scene) } else { 1.0 };
+    let reason = if albedo > 0.0 && !scene.lamps.is_empty() {
+        format!("surfaces reflect up to {:.1} % of the light of lamps, which may be near", 100.0 * albedo)
+    } else if albedo > 0.0 && !scene.regions.is_empty() {
         format!("surfaces reflect up to {:.1} %, and send regions at most {:.2} % of what the sun does", 100.0 * albedo, 100.0 * bound)
     } else if scene.surfaces.is_empty() {
         "there is no surface".into()
@@ -260,7 +263,8 @@ pub(super) fn colour(scene: &Scene) -> Finding {
     let media = most(scene, |r| spread(r.medium.sigma_s).max(spread(r.medium.sigma_t_rgb())));
     let air = scene.air.layers().map(|l| spread(l.sigma_s).max(spread(l.sigma_a))).fold(0.0, f64::max);
     let surfaces = scene.surfaces.iter().map(|s| spread(s.albedo)).fold(0.0, f64::max);
-    let lights = spread(scene.sun.irradiance).max(spread(scene.sky));
+    let lamps = scene.lamps.iter().map(|lamp| spread(lamp.intensity)).fold(0.0, f64::max);
+    let lights = spread(scene.sun.irradiance).max(spread(scene.sky)).max(lamps);
     let lights = if scene.dome.as_ref().is_some_and(|dome| !dome.has_one_colour()) { 1.0 } else { lights };
     let figure = media.max(air).max(surfaces).max(lights);
     let reason = if figure > 0.0 {

@@ -8,6 +8,7 @@ pub mod camera;
 pub mod density;
 pub mod dome;
 pub mod effect;
+pub mod lamp;
 pub mod light;
 pub mod medium;
 pub mod mesh;
@@ -24,6 +25,7 @@ pub use camera::Camera;
 pub use density::BrickGrid;
 pub use dome::Dome;
 pub use effect::Wishes;
+pub use lamp::{Lamp, Spot};
 pub use light::Sun;
 pub use medium::Medium;
 pub use mesh::Mesh;
@@ -46,6 +48,8 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// The only light of the thesis.
     pub sun: Sun,
+    /// The lamps.
+    pub lamps: Vec<Lamp>,
     /// The sky's radiance, W m^-2 sr^-1, RGB: the same from all directions, or the mean of the dome.
     pub sky: [f64; 3],
     /// The sky's radiance by direction, where it is not the same from all.

@@ -52,7 +52,8 @@ impl Channel {
                 let clear = (-others - room.profile.until(distance)).map(f64::exp);
                 let weight = layer.albedo * (own / density / f64::from(looks) * clear).as_vec3();
                 let here = Ray { origin: ray.at(distance), direction: ray.direction };
-                sent.direct += weight * tracer.sun.in_air(band, &tracer.surfaces, &here, layer, rng, &mut room.scratch);
+                let sun = tracer.sun.in_air(band, &tracer.surfaces, &here, layer, rng, &mut room.scratch);
+                sent.direct += weight * (sun + tracer.lamps_in_air(band, &here, layer, rng, &mut room.scratch));
                 sent.looks += 1;
                 if let Some(glow) = self.glow.as_ref().filter(|_| first) {
                     glow.sent(ray, distance, number, weight, &mut sent.found);

@@ -6,7 +6,7 @@ use super::field::{Field, Request};
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::integrate::path::PathTracer;
-use crate::integrate::photon::channels_of;
+use crate::integrate::photon::{by_channel, channels_of};
 use crate::media::Scratch;
 use crate::photon::{Model, Tracer};
 use crate::plan::Plan;
@@ -101,8 +101,10 @@ struct Followed {
 /// same and nothing else is coloured, air neither; two, one of the sun's light and one of the sky's, where only these differ, so that
 /// noise has no other colours than they; else three.
 fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
-    let (sun, sky) = (scene.sun.irradiance, scene.sky);
+    let sky = scene.sky;
     let mut parts = channels_of(scene, Model::Physical);
+    // The sun's colour is that of the lamps too.
+    let sun = parts[0].2.as_dvec3().to_array();
     if parts.len() > 1 || luminance(sky) <= 0.0 {
         return parts;
     }
@@ -110,6 +112,8 @@ fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
     let sky_tint = (DVec3::from_array(sky) / luminance(sky)).as_vec3();
     if luminance(sun) <= 0.0 {
         parts[0].2 = sky_tint;
+    } else if !alike && !scene.lamps.is_empty() {
+        return by_channel(scene).into_iter().map(|(scene, mask)| (scene, mask, Vec3::ONE)).collect();
     } else if !alike {
         parts[0].0 = Cow::Owned(Scene { sky: [0.0; 3], dome: None, ..scene.clone() });
         let dark = Sun { irradiance: [0.0; 3], ..scene.sun };
@@ -133,7 +137,7 @@ impl SourceFunction {
         let mut origin = DVec3::ZERO;
         for (number, (part, mask, tint)) in parts.into_iter().enumerate() {
             let tracer = PathTracer::new(&part, plan);
-            let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass();
+            let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass().with_lamps_gathered();
             origin = tracer.origin;
             let irradiance = part.sun.grey_irradiance();
             let shines = irradiance > 0.0;

@@ -112,7 +112,8 @@ impl Channel {
         let (albedo, g) = band.optics[region as usize];
         let here = Ray { origin: ray.at(distance), direction: ray.direction };
         let (sunlight, _) = tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch);
-        out.direct += albedo * sunlight * weight as f32;
+        let lamplight = tracer.lamps_in_medium(band, &here, g, rng, &mut room.scratch);
+        out.direct += albedo * (sunlight + lamplight) * weight as f32;
         out.depth += weight * f64::from(distance);
         out.gathered += 1;
         if let Light::Nearest(gather) = &self.light {

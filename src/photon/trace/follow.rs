@@ -40,20 +40,37 @@ impl Tracer {
 
     /// About the most power that a path has in a channel, before it is divided by their number, W.
     pub fn strongest(&self) -> f64 {
-        let (sky, air) = (self.share_of_sky(), self.share_of_air());
-        let sun = if sky < 1.0 { self.emitter.base_power() / ((1.0 - sky) * (1.0 - air)) } else { 0.0 };
-        let sky = self.sky.as_ref().map_or(0.0, |light| light.power() / (sky * (1.0 - air)));
-        self.colours.most() * sun.max(sky).max(self.air_light.map_or(0.0, |light| light.power / air))
+        let (sky, lamps, air) = (self.share_of_sky(), self.share_of_lamps(true), self.share_of_air());
+        let rest = (1.0 - lamps) * (1.0 - air);
+        let of = |power: f64, share: f64| if power > 0.0 { power / share } else { 0.0 };
+        let far = if rest > 0.0 {
+            let sky_power = self.sky.as_ref().map_or(0.0, |light| light.power());
+            of(self.emitter.base_power(), (1.0 - sky) * rest).max(of(sky_power, sky * rest))
+        } else {
+            0.0
+        };
+        let lamps = of(self.lamps.as_ref().map_or(0.0, |light| light.strongest()), lamps * (1.0 - air));
+        self.colours.most() * far.max(lamps).max(self.air_light.map_or(0.0, |light| light.power / air))
     }
 
     /// The share of paths of [`Tracer::follow`] that start in air.
     fn share_of_air(&self) -> f64 {
         let Some(light) = self.air_light else { return 0.0 };
-        let other = self.emitter.base_power() + self.sky.as_ref().map_or(0.0, |sky| sky.power());
+        let lamps = self.lamps.as_ref().map_or(0.0, |lamps| lamps.power);
+        let other = self.emitter.base_power() + self.sky.as_ref().map_or(0.0, |sky| sky.power()) + lamps;
         (light.power / (light.power + other)).clamp(0.1, 0.8)
     }
 
-    /// The share of the others that start in the sky.
+    /// The share of the others that start at lamps: of a sample no kind has few; else all have the same power.
+    fn share_of_lamps(&self, sample: bool) -> f64 {
+        let Some(lamps) = &self.lamps else { return 0.0 };
+        let sky = if sample { self.sky.as_ref().map_or(0.0, |sky| sky.power()) } else { 0.0 };
+        let far = self.emitter.base_power() + sky;
+        let share = lamps.power / (lamps.power + far);
+        if sample && far > 0.0 { share.clamp(0.2, 0.8) } else { share }
+    }
+
+    /// The share of those that are left that start in the sky.
     fn share_of_sky(&self) -> f64 {
         let Some(sky) = &self.sky else { return 0.0 };
         let sun = self.emitter.base_power();
@@ -66,6 +83,13 @@ impl Tracer {
         if let Some(light) = self.air_light.filter(|_| shares.1 > 0.0 && rng.uniform() < shares.1) {
             let start = light.emit(self, rng, scratch);
             return Start { power: start.power / shares.1, ..start };
+        }
+        let lamps = self.share_of_lamps(along.is_some());
+        if let Some(light) = self.lamps.as_ref().filter(|_| rng.uniform() < lamps) {
+            let start = light.emit(rng);
+            let counted = self.media.entrance(&start.ray, scratch).is_some();
+            let tint = if self.tints().is_some() { start.tint } else { Vec3::ONE };
+            return Start { power: start.power / (lamps * (1.0 - shares.1)), tint, counted, ..start };
         }
         let (start, share, tint) = match self.sky.as_ref().filter(|_| shares.0 > 0.0 && rng.uniform() < shares.0) {
             Some(sky) => {
@@ -80,7 +104,7 @@ impl Tracer {
             Some(tint) => (start.power, tint * clear),
             None => (start.power * f64::from(clear.x), Vec3::ONE),
         };
-        Start { power: power / (share * (1.0 - shares.1)), tint, ..start }
+        Start { power: power / (share * (1.0 - lamps) * (1.0 - shares.1)), tint, ..start }
     }
 
     /// The area, across the sunlight, over which photons start, m^2.
