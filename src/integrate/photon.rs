@@ -21,7 +21,7 @@ use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
-use crate::scene::{Medium, Region, Scene, Sun, Surface};
+use crate::scene::{Medium, Region, Scene, Sun, Surface, medium::luminance};
 use crate::trimesh::Hit;
 use beam::Beams;
 use gather::Gather;

@@ -151,7 +151,7 @@ mod tests {
     fn from_afar_it_is_a_point_and_close_by_light_stays_finite() {
         let one = [lamp(DVec3::new(1.0, 2.0, 3.0), 0.1, None)];
         let at = |away: f64| fluence(&one, (DVec3::new(1.0, 2.0, 3.0) + DVec3::new(0.6, 0.0, 0.8) * away).as_vec3()).value;
-        for away in [1.0, 10.0, 1000.0] {
+        for away in [1.0f64, 10.0, 1000.0] {
             // Fluence of a disc that faces the point: 2 L (pi) (1 - cos), whose series begins with I / d^2.
             let exact = 2.0 * 2.0 / 0.01 * (1.0 - (1.0 - (0.1 / away).powi(2)).sqrt());
             assert!((at(away) / exact - 1.0).abs() < 1e-3, "{away}");

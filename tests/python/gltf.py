@@ -80,6 +80,15 @@ def add_ground(gltf, blob, z=0.0, albedo=0.5, half_size=100.0, name="Ground"):
     return blob
 
 
+def add_lamp(gltf, position, intensity, name="Lamp", **more):
+    """A point light at a place of Blender's frame, W/sr; with `more` of glTF's keys it is another kind."""
+    lights = gltf.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {}).setdefault("lights", [])
+    x, y, z = position
+    gltf["scenes"][0]["nodes"].append(len(gltf["nodes"]))
+    gltf["nodes"].append({"name": name, "translation": [x, z, -y], "extensions": {"KHR_lights_punctual": {"light": len(lights)}}})
+    lights.append({"type": "point", "intensity": 683.0 * intensity, **more})
+
+
 def ball(name="Cloud", centre=(0, 0, 0), radius=1.0, **medium):
     """A node that is a ball; centre in Blender's frame (Z up). A medium goes to its extras."""
     x, y, z = centre

@@ -9,6 +9,7 @@ A scene is a dict in Blender's frame and in metres:
      "sun": {"direction", "irradiance", "angle"}, "sky": radiance, "sky_image": path of an EXR in its place, or None,
      "ground": {"z", "albedo", "half_size"} or None,
      "haze": {"sigma", "albedo", "g", "base", "top", "half_size"} or None,     even air; ours knows no half size
+     "lamps": [{"position", "intensity"}, ...]                                 points, W/sr; where there are any
      "camera": {"position", "look_at", "fov_x"}, "width", "height"}
 
 Every renderer gives radiance, height x width x 3, row 0 at the top. What to know about them:
@@ -120,6 +121,8 @@ if s.get("sky_image"):
     # Mitsuba's own Z, Y and X are our X, Z and Y.
     parts["sky"] = {"type": "envmap", "filename": s["sky_image"], "to_world": T().rotate([3**-0.5] * 3, 120)}
 elif s["sky"] > 0: parts["sky"] = {"type": "constant", "radiance": colour(s["sky"])}
+for i, lamp in enumerate(s.get("lamps") or ()):
+    parts[f"lamp{i}"] = {"type": "point", "position": lamp["position"], "intensity": colour(lamp["intensity"])}
 if s["ground"]:
     g = s["ground"]
     parts["ground"] = {"type": "rectangle", "to_world": T().translate([0, 0, g["z"]]).scale(g["half_size"]),
@@ -194,6 +197,8 @@ def layout(scene, path):
         file = os.path.relpath(pathlib.Path(scene["vdb"]).resolve(), path.parent.resolve())
         nodes.append(gltf.volume(file, sigma_t=scene["sigma"], albedo=scene["albedo"], g=scene["g"]))
     document, blob = gltf.document(nodes)
+    for lamp in scene.get("lamps") or ():
+        gltf.add_lamp(document, lamp["position"], lamp["intensity"])
     if scene["ground"]:
         blob = gltf.add_ground(document, blob, **scene["ground"])
     return gltf.write(path, document, blob)

@@ -177,6 +177,25 @@ def test_beams_in_haze_as_cycles_has_them(cloudvdb, tmp_path):
     agrees(stated(ours), Picture.from_seeds(peers.cycles(BEAMS, samples=256, seeds=12).images), "beams, Cycles", mean=0.006)
 
 
+LAMPS = described(balls=APART, ground=GROUND, sun=None,
+                  lamps=[{"position": (0.0, -1.5, 1.2), "intensity": 4.0}, {"position": (-1.4, 0.9, 0.1), "intensity": 1.5}])
+
+
+@pytest.mark.parametrize("integrator", ["path", "grid"])
+@pytest.mark.parametrize("peer", ["Mitsuba", "Cycles"])
+def test_lamps(cloudvdb, tmp_path, mitsuba, integrator, peer):
+    """Two balls above a ground between two lamps."""
+    run = peers.mitsuba if peer == "Mitsuba" else peers.cycles
+    theirs = Picture.from_seeds(run(LAMPS, samples=512, seeds=12).images)
+    if integrator == "path":
+        return agrees(stated(peers.cloudvdb(LAMPS, tmp_path, samples=8192, seeds=[28])), theirs, f"lamps, {peer}", mean=0.01)
+    shots = peers.cloudvdb(LAMPS, tmp_path, samples=256, seeds=4, integrator="grid", more=["--photons", "1M"])
+    verdict = compare(Picture.from_seeds(shots.images), theirs, f"lamps, grid and {peer}")
+    print(verdict)
+    # Smoothing has a bias of its own.
+    assert verdict.error < 0.004 and abs(verdict.ratio - 1.0) < 0.012 + 3 * verdict.error, verdict
+
+
 @pytest.mark.parametrize("name", ["cumulus above a ground", "cumulus above a ground, sky"])
 def test_cumulus_above_a_ground(cloudvdb, folder, cumulus48, mitsuba, name):
     scene = {**cumulus48, "sun": {**cumulus48["sun"], **POINT}, "sky": 0.3 if "sky" in name else 0.0,

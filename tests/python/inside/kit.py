@@ -158,6 +158,12 @@ def matte(albedo):
 def stage(described):
     """Builds a scene of peers.py. Light and camera come first: in 5.2 a volume made before them was seen empty."""
     start()
+    for lamp in described.get("lamps") or ():
+        # A point light's power goes evenly into all directions.
+        light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+        light.data.energy, light.data.shadow_soft_size = 4 * math.pi * lamp["intensity"], 0.1
+        light.location = lamp["position"]
+        bpy.context.collection.objects.link(light)
     if described["sun"]["irradiance"] > 0:
         direction = Vector(described["sun"]["direction"])
         light = sun(described["sun"]["irradiance"], toward=-direction)
