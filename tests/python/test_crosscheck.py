@@ -178,7 +178,7 @@ def test_beams_in_haze_as_cycles_has_them(cloudvdb, tmp_path):
 
 
 LAMPS = described(balls=APART, ground=GROUND, sun=None,
-                  lamps=[{"position": (0.0, -1.5, 1.2), "intensity": 4.0}, {"position": (-1.4, 0.9, 0.1), "intensity": 1.5}])
+                  lamps=[{"position": (0.3, -1.8, 2.2), "intensity": 8.0}, {"position": (-2.4, 1.0, 1.6), "intensity": 6.0}])
 
 
 @pytest.mark.parametrize("integrator", ["path", "grid"])
