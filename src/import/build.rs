@@ -289,7 +289,13 @@ impl<'a> Builder<'a> {
     fn nothing_found(&self) -> Error {
         let count = |became: Became| self.findings.iter().filter(|f| f.became == became).count();
         let ignored: Vec<String> = self.findings.iter().filter(|f| f.became == Became::Ignored).map(|f| format!("{:?}", f.node)).collect();
-        let kinds = [(Became::Surface, "surface"), (Became::Sun, "sun"), (Became::Lamp, "lamp"), (Became::Camera, "camera"), (Became::Ignored, "ignored node")];
+        let kinds = [
+            (Became::Surface, "surface"),
+            (Became::Sun, "sun"),
+            (Became::Lamp, "lamp"),
+            (Became::Camera, "camera"),
+            (Became::Ignored, "ignored node"),
+        ];
         let plural = |(became, word)| match count(became) {
             0 => None,
             1 => Some(format!("1 {word}")),

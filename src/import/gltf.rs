@@ -42,7 +42,9 @@ pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions, 
         let lamps = builder.scene.lamps.len();
         if lamps > 0 && options.overrides.sun.is_none() {
             builder.scene.sun.irradiance = [0.0; 3];
-            builder.notes.push(format!("No sun (a directional light), and {lamps} lamps: none is assumed, the lamps are the light. --sun gives one."));
+            builder.notes.push(format!(
+                "No sun (a directional light), and {lamps} lamps: none is assumed, the lamps are the light. --sun gives one."
+            ));
         } else if options.overrides.sun.is_none() {
             builder.notes.push("No sun (a directional light): one 45 degrees high in the south-west, 1 W/m^2, is assumed. In Blender, add a Sun and tick Punctual Lights when you export.".into());
         }
@@ -100,7 +102,8 @@ impl<'a> Builder<'a> {
             None => {
                 let bare = node.camera.is_none() && extensions.is_none_or(|e| e.light.is_none());
                 // What a lamp's extras say is said of the lamp.
-                let lamp = extensions.is_some_and(|e| e.light.is_some()) && *thing.spec == Spec { lamp_radius: spec.lamp_radius, ..Spec::default() };
+                let lamp = extensions.is_some_and(|e| e.light.is_some())
+                    && *thing.spec == Spec { lamp_radius: spec.lamp_radius, ..Spec::default() };
                 self.empty(node, bare, (said && !lamp).then_some(&spec), at);
                 Ok(())
             }

@@ -224,7 +224,7 @@ impl Tracer {
         let shut_out = shot.collisions == 0 && (self.thickest > 0.01 || shot.energy.ratio(Fate::AbsorbedSurface as usize).value > 0.999);
         if shot.energy.denominator() <= 0.0 || shut_out {
             return Err(Error::Scene {
-                reason: "no light reaches any region: sun and lamps are dark, the sun is below the horizon of a layer without end, or surfaces stand between it and every region".into(),
+                reason: "no light reaches any region: the sun is dark (lamps too), below the horizon of a layer without end, or surfaces stand between it and every region".into(),
                 fix: "Give the sun a strength above zero, and check what lies between it and the cloud".into(),
             });
         }

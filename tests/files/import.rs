@@ -362,6 +362,33 @@ fn media_from_node_material_scene_and_default() {
     assert!(layout.notes.iter().any(|n| n.contains("\"Large\"") && n.contains("optical depth 40")));
 }
 
+/// Candela over 683 lm/W, a spot's light along its -Z; and where there are lamps, no sun is assumed.
+#[test]
+fn points_and_spots_are_lamps() {
+    let mut gltf = Gltf::default();
+    gltf.ball(json!({}));
+    gltf.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 1366.0, "color": [1, 0.5, 0.25]},
+        {"type": "spot", "intensity": 683.0, "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.5}},
+        {"type": "point", "intensity": 0.0}]}});
+    let light = |i: usize| json!({"KHR_lights_punctual": {"light": i}});
+    gltf.node(json!({"name": "Point", "translation": [1, 2, 3], "scale": [5, 5, 5], "extensions": light(0),
+                     "extras": {"cloudvdb": {"lamp_radius": 0.25}}}));
+    gltf.node(json!({"name": "Spot", "extensions": light(1)}));
+    gltf.node(json!({"name": "Dark", "extensions": light(2)}));
+    let layout = import(&gltf);
+    let [point, spot] = &layout.scene.lamps[..] else { panic!("{:?}", layout.scene.lamps) };
+    near(point.position.to_array(), [1.0, -3.0, 2.0]);
+    near(point.intensity, [2.0, 1.0, 0.5]);
+    assert_eq!((point.radius, spot.radius, point.spot), (0.25, 0.1, None));
+    let cone = spot.spot.unwrap();
+    near(cone.axis.to_array(), [0.0, 1.0, 0.0]);
+    assert_eq!(cone.cosines, [0.2f64.cos(), 0.5f64.cos()]);
+    assert_eq!(became(&layout, "Dark").0, Became::Ignored);
+    assert_eq!(layout.scene.sun.irradiance, [0.0; 3]);
+    assert!(layout.notes.iter().any(|n| n.contains("none is assumed")), "{:?}", layout.notes);
+}
+
 #[test]
 fn sun_camera_and_ground() {
     let mut gltf = Gltf::default();
@@ -393,7 +420,7 @@ fn sun_camera_and_ground() {
     near(layout.scene.surfaces[0].albedo, [0.1, 0.5, 0.2]);
     near(layout.scene.surfaces[0].mesh.bounds().size().to_array(), [2.0, 2.0, 0.0]);
     for (node, kind) in
-        [("Sun", Became::Sun), ("Sun 2", Became::Ignored), ("Lamp", Became::Ignored), ("Ortho", Became::Ignored), ("Cam", Became::Camera)]
+        [("Sun", Became::Sun), ("Sun 2", Became::Ignored), ("Lamp", Became::Lamp), ("Ortho", Became::Ignored), ("Cam", Became::Camera)]
     {
         assert_eq!(became(&layout, node).0, kind, "{node}");
     }
