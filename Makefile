@@ -88,9 +88,8 @@ crosscheck-speed: build test-packages $(VENV)/.crosscheck ## Samples a second an
 	$(VENV)/bin/python tests/python/denoised.py
 	$(VENV)/bin/python tests/python/bake_error.py
 
-study: build test-packages $(VENV)/.stamp ## What accuracy costs in the cumulus, beside Cycles and Mitsuba where they are installed: the README's plot, and a page in out/study
+study: build test-packages $(VENV)/.stamp ## What accuracy costs in the cumulus, beside Cycles and Mitsuba where they are installed: out/study/index.html
 	$(VENV)/bin/python tests/python/study_peers.py out/study
-	cp out/study/error.svg scenes/gallery/study.svg
 
 # The sanitizer's flags for Rust and for the bridge: gcc's coverage is none that libFuzzer understands, so C++ is compiled by clang.
 FUZZ_FLAGS := -Zsanitizer=address --cfg fuzzing -Ccodegen-units=4 -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \

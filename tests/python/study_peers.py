@@ -1,4 +1,4 @@
-"""The README's study: the cumulus of 128^3 cells, with Cycles and Mitsuba beside it where they are installed.
+"""The study of the cumulus of 128^3 cells, with Cycles and Mitsuba beside it where they are installed.
 
     python tests/python/study_peers.py out/study [--samples 16 64] [--reference 768]
 
