@@ -81,6 +81,9 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     } else {
         None
     };
+    if !layout.scene.lamps.is_empty() && (targets.any(Format::Glb) || targets.any(Format::Blend)) {
+        report.notes.push("lamps light pictures and what is baked: the .glb and the script for Blender have none of them".into());
+    }
     if job.dry_run {
         return Ok(closed(report, clock));
     }

@@ -103,8 +103,9 @@ struct Followed {
 fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
     let sky = scene.sky;
     let mut parts = channels_of(scene, Model::Physical);
-    // The sun's colour is that of the lamps too.
-    let sun = parts[0].2.as_dvec3().to_array();
+    // Where all is grey, the sun's colour is that of the lamps too.
+    let lamp = scene.lamps.first().map_or([0.0; 3], |lamp| lamp.intensity);
+    let sun = if scene.sun.shines() { scene.sun.irradiance } else { lamp };
     if parts.len() > 1 || luminance(sky) <= 0.0 {
         return parts;
     }
