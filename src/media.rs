@@ -16,6 +16,7 @@ use grid::Grid;
 use intervals::{Interval, ray_slab, ray_unit_ball, spend};
 use smallvec::SmallVec;
 
+pub use fire::Fire;
 pub use profile::Profile;
 
 /// What a collision needs to know of its region.
@@ -358,6 +359,7 @@ fn compile(index: u32, shape: &Shape, origin: DVec3, balls: &mut Vec<(Vec3, f32,
 pub mod air;
 mod balls;
 mod cells;
+mod fire;
 mod grid;
 mod intervals;
 mod mass;

@@ -76,6 +76,7 @@ impl Plan {
             (EffectName::CloudShadow, rules::cloud_shadow(scene)),
             (EffectName::SurfaceBounce, rules::surface_bounce(scene)),
             (EffectName::Air, rules::air(scene)),
+            (EffectName::Emission, rules::emission(scene)),
             (EffectName::Colour, rules::colour(scene)),
             (EffectName::Duality, rules::duality(scene, density)),
         ];
@@ -102,8 +103,8 @@ impl Plan {
 
     /// The scene without what is left out, for those who follow light.
     pub fn scene<'a>(&self, scene: &'a Scene) -> Cow<'a, Scene> {
-        use EffectName::{Absorption, Air as AirEffect, Anisotropy, Colour, Sky, SunDisc};
-        if ![Absorption, AirEffect, Anisotropy, Colour, Sky, SunDisc].into_iter().any(|name| self.without(name)) {
+        use EffectName::{Absorption, Air as AirEffect, Anisotropy, Colour, Emission, Sky, SunDisc};
+        if ![Absorption, AirEffect, Anisotropy, Colour, Emission, Sky, SunDisc].into_iter().any(|name| self.without(name)) {
             return Cow::Borrowed(scene);
         }
         let grey = |rgb: [f64; 3]| if self.without(Colour) { [luminance(rgb); 3] } else { rgb };
@@ -122,6 +123,7 @@ impl Plan {
             surfaces: scene.surfaces.iter().map(|s| Surface { albedo: grey(s.albedo), ..s.clone() }).collect(),
             sun: Sun { irradiance: grey(scene.sun.irradiance), angular_diameter, ..scene.sun },
             lamps: scene.lamps.iter().map(|lamp| lamp.coloured(grey)).collect(),
+            flames: if self.without(Emission) { vec![] } else { scene.flames.iter().map(|flame| flame.coloured(grey)).collect() },
             sky: if self.without(Sky) { [0.0; 3] } else { grey(scene.sky) },
             dome: scene.dome.as_ref().filter(|_| !self.without(Sky)).and_then(|dome| dome.coloured(grey)).map(Arc::new),
             air: if self.without(AirEffect) { Air::default() } else { scene.air.coloured(grey) },

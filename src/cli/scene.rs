@@ -4,6 +4,7 @@ use super::values::{count, length};
 use crate::import::{
     ImportOptions, MAX_VOXELS,
     air::spelt,
+    fire::FireSpec,
     sky::{self, SkySpec},
 };
 use crate::scene::view::LONGEST;
@@ -51,6 +52,15 @@ pub struct SceneArguments {
     /// clear:visibility=20000,base=0 or haze:visibility=8000,top=1500; a + between several
     #[arg(long, value_name = "AIR", value_parser = spelt)]
     pub atmosphere: Option<Air>,
+    /// A grid of a .vdb that shines, and what a sample of 1 emits, W/m^3/sr, as in flame=3,1,0.2
+    #[arg(long, value_name = "GRID=E|R,G,B", value_parser = emission)]
+    pub emission: Option<Emission>,
+    /// A grid of a .vdb that glows by its heat, and the kelvins of a sample of 1, as in temperature=1200
+    #[arg(long, value_name = "GRID=KELVIN", value_parser = temperature)]
+    pub temperature: Option<Heat>,
+    /// The absorption per metre of what glows by its heat [default: the medium's own]
+    #[arg(long, value_name = "X", value_parser = soot, requires = "temperature")]
+    pub soot: Option<f64>,
     /// Simulate an effect whatever it changes, or leave it out, in place of what the scene calls for; repeats. See cloudvdb plan
     #[arg(long = "effect", value_name = "NAME=on|off|auto", value_parser = effect)]
     pub effects: Vec<Wish>,
@@ -85,6 +95,10 @@ pub struct SceneArguments {
 
 /// One number for each of red, green and blue.
 type Rgb = [f64; 3];
+/// A grid's name, and what a sample of 1 of it emits.
+type Emission = (String, Rgb);
+/// A grid's name, and the temperature of a sample of 1, K.
+type Heat = (String, f64);
 /// A detail, or expressly none.
 type Detail = Option<DetailRequest>;
 /// An effect, and whether it is to be on; or as the scene calls for.
@@ -122,6 +136,7 @@ impl SceneArguments {
                 periodic: self.periodic.is_some(),
             },
             sky: self.sky.clone().filter(|sky| !matches!(sky, SkySpec::Made(Sky::Even(_)))),
+            fire: FireSpec { emission: self.emission.clone(), temperature: self.temperature.clone(), soot: self.soot },
             detail: self.detail,
             voxel_size: self.voxel_size,
             max_voxels: self.max_voxels,
@@ -182,6 +197,27 @@ fn sun_angle(text: &str) -> Result<f64, String> {
 fn light(text: &str) -> Result<Rgb, String> {
     let fine = |rgb: &Rgb| rgb.iter().all(|&v| v >= 0.0);
     rgb(text).filter(fine).ok_or_else(|| format!("{text:?} is not a number from 0 up, or three of them such as 0.1,0.2,0.4"))
+}
+
+/// What stands before and behind the last equals sign.
+fn of_grid(text: &str) -> Option<(String, &str)> {
+    text.rsplit_once('=').filter(|(name, _)| !name.is_empty()).map(|(name, value)| (name.to_owned(), value))
+}
+
+fn emission(text: &str) -> Result<Emission, String> {
+    let fine = |rgb: &Rgb| rgb.iter().all(|&v| v >= 0.0) && rgb.iter().any(|&v| v > 0.0);
+    let found = of_grid(text).and_then(|(name, value)| Some((name, rgb(value).filter(fine)?)));
+    found.ok_or_else(|| format!("{text:?} is not a grid and what it emits, such as flame=5 or flame=3,1,0.2 (from 0 up, not all 0)"))
+}
+
+fn temperature(text: &str) -> Result<Heat, String> {
+    let fine = |kelvin: &f64| *kelvin > 0.0 && *kelvin <= 1e6;
+    let found = of_grid(text).and_then(|(name, value)| Some((name, number(value).filter(fine)?)));
+    found.ok_or_else(|| format!("{text:?} is not a grid and the kelvins of a sample of 1, such as temperature=1200 (up to 1e6)"))
+}
+
+fn soot(text: &str) -> Result<f64, String> {
+    number(text).filter(|&v| v > 0.0).ok_or_else(|| format!("{text:?} is not an absorption per metre above 0"))
 }
 
 fn effect(text: &str) -> Result<Wish, String> {

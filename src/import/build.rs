@@ -5,9 +5,10 @@ use super::{
     at::{At, file_error},
     buffers::Buffers,
     extras::{self, SceneSpec, Spec},
+    fire::Ember,
     gltf::Thing,
     json,
-    medium::{Filling, MediumSpec},
+    medium::{Filling, MediumSpec, Shining},
     mend::Mended,
     mesh::{self, RawMesh, Summary},
     metaballs::Balls,
@@ -51,6 +52,8 @@ pub(super) struct Builder<'a> {
     pub lost_metaballs: Vec<String>,
     /// The VDBs that nodes name, each once, with the SHA-256 of their bytes.
     pub volumes: Vec<(PathBuf, String)>,
+    /// Grids of theirs that shine.
+    pub embers: Vec<Ember>,
     drafts: Vec<Draft>,
     families: Vec<Family>,
     summaries: Vec<Option<Result<Summary>>>,
@@ -83,6 +86,7 @@ impl<'a> Builder<'a> {
             notes: Vec::new(),
             lost_metaballs: Vec::new(),
             volumes: Vec::new(),
+            embers: Vec::new(),
             drafts: Vec::new(),
             families: Vec::new(),
             summaries: Vec::new(),
@@ -163,10 +167,15 @@ impl<'a> Builder<'a> {
         self.drafts.push(draft);
     }
 
+    /// How a node shines, which its scene may say too.
+    pub fn shining(&self, node: &Spec) -> Shining {
+        Filling::new(&[self.scene_spec.medium, node.medium]).shining()
+    }
+
     fn draft(&self, name: String, solid: Solid, node: &Spec, inner: &MediumSpec) -> Draft {
         let filling = Filling::new(&[self.scene_spec.medium, *inner, node.medium]);
         let detail = self.options.detail.or(node.detail).or(self.scene_spec.detail).flatten();
-        Draft { name, solid, filling, detail, falloff: node.falloff.unwrap_or(0.0), tangled: false }
+        Draft { name, solid, filling, detail, falloff: node.falloff.unwrap_or(0.0), tangled: false, dark: node.names_fire() }
     }
 
     /// Adds an object's metaballs to their family.
@@ -264,7 +273,9 @@ impl<'a> Builder<'a> {
         for Family { threshold, elements, draft, .. } in std::mem::take(&mut self.families) {
             self.drafts[draft].solid = Solid::Metaballs(Arc::new(Metaballs { threshold, elements }));
         }
-        self.scene.regions = settle::settle(std::mem::take(&mut self.drafts), self.options, &mut self.notes, progress)?;
+        let (regions, embers) = settle::settle(std::mem::take(&mut self.drafts), self.options, &mut self.notes, progress)?;
+        self.scene.regions = regions;
+        self.embers.extend(embers);
         if self.scene.regions.is_empty() {
             return Err(self.nothing_found());
         }
@@ -283,7 +294,12 @@ impl<'a> Builder<'a> {
             false => vdb::hex(self.volumes.iter().fold(Sha256::new_with_prefix(source_hash), |all, (_, hash)| all.chain_update(hash))),
         };
         let volumes = self.volumes.into_iter().map(|(path, _)| path).collect();
-        Ok(Layout { scene: self.scene, sky: self.scene_spec.sky, findings: self.findings, notes: self.notes, source_hash, volumes })
+        Ok(Layout { scene: self.scene, sky: self.scene_spec.sky, embers: self.embers, findings: self.findings, notes: self.notes, source_hash, volumes })
+    }
+
+    /// Whether anything shines by itself.
+    pub fn shines(&self) -> bool {
+        !self.embers.is_empty() || self.drafts.iter().any(|draft| draft.filling.shining().shines())
     }
 
     fn nothing_found(&self) -> Error {
@@ -293,6 +309,7 @@ impl<'a> Builder<'a> {
             (Became::Surface, "surface"),
             (Became::Sun, "sun"),
             (Became::Lamp, "lamp"),
+            (Became::Flame, "flame"),
             (Became::Camera, "camera"),
             (Became::Ignored, "ignored node"),
         ];

@@ -50,12 +50,22 @@ pub(super) struct Spec {
     pub file: Option<String>,
     /// The name of that VDB's grid.
     pub grid: Option<String>,
+    /// The names of its grids that shine: by what they emit, and by their heat.
+    pub emission_grid: Option<String>,
+    pub temperature_grid: Option<String>,
     /// The depth over which density rises from the boundary inward, m of the world.
     pub falloff: Option<f64>,
     /// The radius of the lamp that the node is, m of the world.
     pub lamp_radius: Option<f64>,
     pub detail: Option<Asked>,
     pub medium: MediumSpec,
+}
+
+impl Spec {
+    /// Whether it names grids that shine in place of the region itself.
+    pub fn names_fire(&self) -> bool {
+        self.emission_grid.is_some() || self.temperature_grid.is_some()
+    }
 }
 
 /// `extras.cloudvdb` of the scene.
@@ -68,9 +78,21 @@ pub(super) struct SceneSpec {
     pub air: Option<Air>,
 }
 
-const SHAPE_KEYS: [&str; 10] =
-    ["shape", "radius", "half_height", "threshold", "stiffness", "file", "grid", "falloff", "detail", "lamp_radius"];
-const MEDIUM_KEYS: [&str; 6] = ["preset", "sigma_s", "sigma_a", "sigma_t", "albedo", "g"];
+const SHAPE_KEYS: [&str; 12] = [
+    "shape",
+    "radius",
+    "half_height",
+    "threshold",
+    "stiffness",
+    "file",
+    "grid",
+    "emission_grid",
+    "temperature_grid",
+    "falloff",
+    "detail",
+    "lamp_radius",
+];
+const MEDIUM_KEYS: [&str; 9] = ["preset", "sigma_s", "sigma_a", "sigma_t", "albedo", "g", "emission", "temperature", "soot"];
 /// Keys that `-o regions.glb` writes for people, and that say nothing about the scene.
 const WRITTEN_KEYS: [&str; 1] = ["photons"];
 
@@ -96,6 +118,8 @@ pub(super) fn spec(extras: Option<&Value>, at: At, notes: &mut Vec<String>) -> R
         stiffness: fields.positive("stiffness")?,
         file: fields.text("file")?.map(str::to_owned),
         grid: fields.text("grid")?.map(str::to_owned),
+        emission_grid: fields.text("emission_grid")?.map(str::to_owned),
+        temperature_grid: fields.text("temperature_grid")?.map(str::to_owned),
         falloff: fields.positive("falloff")?,
         lamp_radius: fields.positive("lamp_radius")?,
         detail: detail::read(&fields)?,

@@ -12,6 +12,34 @@ pub(super) struct MediumSpec {
     sigma_t: Option<[f64; 3]>,
     albedo: Option<[f64; 3]>,
     g: Option<f64>,
+    shining: Shining,
+}
+
+/// How a medium shines by itself.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Shining {
+    /// The emission coefficient, W m^-3 sr^-1.
+    pub emission: Option<[f64; 3]>,
+    /// K.
+    pub temperature: Option<f64>,
+    /// The absorption coefficient of what glows by its temperature, 1/m, where it is not the medium's own.
+    pub soot: Option<f64>,
+}
+
+impl Shining {
+    /// Whether it does.
+    pub fn shines(&self) -> bool {
+        self.emission.is_some() || self.temperature.is_some()
+    }
+
+    /// What another place says, over this.
+    fn under(&self, nearer: &Shining) -> Shining {
+        Shining {
+            emission: nearer.emission.or(self.emission),
+            temperature: nearer.temperature.or(self.temperature),
+            soot: nearer.soot.or(self.soot),
+        }
+    }
 }
 
 /// A medium whose extinction may still be open.
@@ -20,6 +48,7 @@ pub(super) struct Filling {
     sigma: Option<([f64; 3], [f64; 3])>,
     albedo: [f64; 3],
     g: f64,
+    shining: Shining,
 }
 
 /// The albedo of a region about which nothing is said: cumulus.
@@ -66,14 +95,16 @@ impl MediumSpec {
         if let Some(bad) = g.filter(|g| g.abs() >= 1.0) {
             return Err(fields.wrong("g", bad.to_string(), "a number between -1 and 1, both excluded".into()));
         }
-        Ok(MediumSpec { preset, sigma_s, sigma_a, sigma_t, albedo, g })
+        let below_zero = |key: &str| fields.number(key)?.map(|v| fields.at_least_zero(key, v)).transpose();
+        let shining = Shining { emission: coefficient("emission")?, temperature: below_zero("temperature")?, soot: below_zero("soot")? };
+        Ok(MediumSpec { preset, sigma_s, sigma_a, sigma_t, albedo, g, shining })
     }
 }
 
 impl Filling {
     /// What the places say, the farthest (the scene) first: each overrides what those before it said.
     pub fn new(places: &[MediumSpec]) -> Filling {
-        let mut filling = Filling { sigma: None, albedo: [ALBEDO; 3], g: G };
+        let mut filling = Filling { sigma: None, albedo: [ALBEDO; 3], g: G, shining: Shining::default() };
         places.iter().for_each(|place| filling.apply(place));
         filling
     }
@@ -81,6 +112,11 @@ impl Filling {
     /// The medium, where its extinction is known.
     pub fn medium(&self) -> Option<Medium> {
         self.sigma.map(|(sigma_s, sigma_a)| Medium { sigma_s, sigma_a, g: self.g })
+    }
+
+    /// How it shines.
+    pub fn shining(&self) -> Shining {
+        self.shining
     }
 
     fn apply(&mut self, spec: &MediumSpec) {
@@ -100,6 +136,7 @@ impl Filling {
             self.sigma = spec.sigma_t.or(self.sigma.map(|(s, a)| zip(s, a, |s, a| s + a))).map(|t| split(t, self.albedo));
         }
         self.g = spec.g.unwrap_or(self.g);
+        self.shining = self.shining.under(&spec.shining);
     }
 }
 
@@ -131,7 +168,7 @@ pub(super) fn fill(regions: &[(&str, f64)], fillings: &[Filling], overridden: bo
     let one = |((name, _), filling): (&(&str, f64), &Filling)| {
         let (sigma_s, sigma_a) = filling.sigma.unwrap_or_else(|| split([sigma_t; 3], filling.albedo));
         let medium = Medium { sigma_s, sigma_a, g: filling.g };
-        if medium.sigma_t() == 0.0 && !overridden {
+        if medium.sigma_t() == 0.0 && !overridden && !filling.shining.shines() {
             notes.push(format!("Region {name:?} has no extinction: it changes nothing."));
         }
         medium

@@ -19,6 +19,7 @@ mod build;
 mod container;
 mod detail;
 mod extras;
+pub mod fire;
 mod fit;
 mod gltf;
 mod instances;
@@ -46,6 +47,7 @@ use crate::{
 };
 use std::path::{Path, PathBuf};
 
+use fire::{Ember, FireSpec};
 use sky::SkySpec;
 pub use vdb::others;
 
@@ -63,6 +65,8 @@ pub struct ImportOptions {
     pub overrides: Overrides,
     /// `--sky`: the sky in place of the file's, where it is not even.
     pub sky: Option<SkySpec>,
+    /// `--emission`, `--temperature`, `--soot`: what of a `.vdb` shines.
+    pub fire: FireSpec,
     /// `--detail`: the detail of every region that can have one, in place of what the file says; `Some(None)` takes it away.
     pub detail: Option<Option<DetailRequest>>,
     /// `--voxel-size`: of what becomes voxels, m.
@@ -79,6 +83,7 @@ impl Default for ImportOptions {
             grid: None,
             overrides: Overrides::default(),
             sky: None,
+            fire: FireSpec::default(),
             detail: None,
             voxel_size: None,
             max_voxels: MAX_VOXELS,
@@ -101,6 +106,8 @@ pub enum Became {
     Sun,
     /// A lamp.
     Lamp,
+    /// Something that shines by itself.
+    Flame,
     /// The camera.
     Camera,
     /// Nothing.
@@ -125,6 +132,8 @@ pub struct Layout {
     pub scene: Scene,
     /// The sky as the file spells it, which is laid over the scene.
     pub(crate) sky: Option<SkySpec>,
+    /// What of it shines.
+    pub(crate) embers: Vec<Ember>,
     /// What became of each node, in the order of the file's tree.
     pub findings: Vec<Finding>,
     /// Warnings and assumptions, each a sentence.
@@ -159,9 +168,17 @@ pub fn load(path: &Path, options: &ImportOptions, progress: &dyn Progress) -> Re
             );
             return Err(Error::Usage(reason));
         }
+        if options.fire != FireSpec::default() {
+            let reason = format!(
+                "--emission, --temperature and --soot are for a .vdb, and {} is none; its nodes say how they shine (extras.cloudvdb: emission, temperature, soot)",
+                path.display()
+            );
+            return Err(Error::Usage(reason));
+        }
         gltf::layout(path, &container::read(path)?, options, progress)?
     };
     options.overrides.apply(&mut layout.scene).map_err(|e| e.of_file(path))?;
+    fire::kindle(&layout.embers, options.overrides.periodic, &mut layout.scene).map_err(|e| e.of_file(path))?;
     // A clear sky goes with the sun that the scene has now.
     let sky = options.sky.as_ref().or(layout.sky.as_ref().filter(|_| options.overrides.sky.is_none()));
     if let Some(sky) = sky {

@@ -2,7 +2,8 @@
 
 use super::{
     ImportOptions,
-    medium::{self, Filling},
+    fire::{Ember, Place},
+    medium::{self, Filling, Shining},
 };
 use crate::{
     Result,
@@ -24,6 +25,8 @@ pub(super) struct Draft {
     pub detail: Option<DetailRequest>,
     /// The depth over which density rises from the boundary inward, m.
     pub falloff: f64,
+    /// Whether what its place says of light is another grid's.
+    pub dark: bool,
     /// A mesh that passes through itself, whose inside OpenVDB must tell.
     pub tangled: bool,
 }
@@ -47,12 +50,19 @@ struct Kind {
     albedo: [f64; 3],
     g: f64,
     detail: Option<DetailRequest>,
+    /// What shines has one extinction, as its light does not follow it.
+    shining: Option<(Shining, u64)>,
     /// A slab's tile is its own: what is beside it is not repeated with it.
     slab: Option<usize>,
 }
 
 /// Gives the drafts their media, and makes voxels of those that vary: one grid for all that are alike but for their extinction.
-pub(super) fn settle(drafts: Vec<Draft>, options: &ImportOptions, notes: &mut Vec<String>, progress: &dyn Progress) -> Result<Vec<Region>> {
+pub(super) fn settle(
+    drafts: Vec<Draft>,
+    options: &ImportOptions,
+    notes: &mut Vec<String>,
+    progress: &dyn Progress,
+) -> Result<(Vec<Region>, Vec<Ember>)> {
     let (drafts, thick) = seen(drafts, notes, progress)?;
     let names: Vec<(&str, f64)> = drafts.iter().zip(&thick).map(|(d, &t)| (d.name.as_str(), t)).collect();
     let fillings: Vec<Filling> = drafts.iter().map(|d| d.filling).collect();
@@ -60,7 +70,9 @@ pub(super) fn settle(drafts: Vec<Draft>, options: &ImportOptions, notes: &mut Ve
     let media: Vec<Medium> = media.into_iter().map(|m| options.overrides.medium(m)).collect();
     let periodic = options.overrides.periodic;
     let tile = periodic.then(|| drafts.iter().map(|d| d.solid.bounds()).fold(Bounds::EMPTY, Bounds::union));
-    let mut regions = Vec::new();
+    let (mut regions, mut embers) = (Vec::new(), Vec::new());
+    // A grid of a VDB that says which of its grids shine does not do so itself.
+    let shining = |draft: &Draft| Some(draft.filling.shining()).filter(|s| s.shines() && !draft.dark);
     let mut groups: Vec<(Kind, Vec<usize>)> = Vec::new();
     for (i, draft) in drafts.iter().enumerate() {
         if !draft.varies(periodic) {
@@ -68,11 +80,13 @@ pub(super) fn settle(drafts: Vec<Draft>, options: &ImportOptions, notes: &mut Ve
             if draft.detail.is_some_and(|d| d.strength > 0.0) {
                 notes.push(format!("Region {:?} is a voxel grid, and was left without detail.", draft.name));
             }
+            let ember = |shining| Ember { name: draft.name.clone(), shining, place: Place::Region(regions.len()) };
+            embers.extend(shining(draft).map(ember));
             regions.push(Region { name: draft.name.clone(), shape: shape.clone(), medium: media[i], photons: None });
             continue;
         }
         let slab = !periodic && matches!(draft.solid, Solid::Shape(Shape::Slab { .. }));
-        let kind = Kind { albedo: albedo(&media[i]), g: media[i].g, detail: draft.detail, slab: slab.then_some(i) };
+        let kind = Kind { albedo: albedo(&media[i]), g: media[i].g, detail: draft.detail, shining: shining(draft).map(|s| (s, media[i].sigma_t().to_bits())), slab: slab.then_some(i) };
         match groups.iter_mut().find(|(known, _)| *known == kind) {
             Some((_, members)) => members.push(i),
             None => groups.push((kind, vec![i])),
@@ -81,9 +95,12 @@ pub(super) fn settle(drafts: Vec<Draft>, options: &ImportOptions, notes: &mut Ve
     for (kind, members) in groups {
         let tile = kind.slab.map(|i| drafts[i].solid.bounds()).or(tile);
         let parts = Parts { drafts: &drafts, media: &media, members: &members };
-        regions.extend(sculpted(&parts, kind.detail, tile, options, notes, progress)?);
+        let Some(region) = sculpted(&parts, kind.detail, tile, options, notes, progress)? else { continue };
+        let ember = |(shining, _)| Ember { name: region.name.clone(), shining, place: Place::Region(regions.len()) };
+        embers.extend(kind.shining.map(ember));
+        regions.push(region);
     }
-    Ok(regions)
+    Ok((regions, embers))
 }
 
 /// The drafts that can be seen, with their thicknesses in m.

@@ -3,6 +3,7 @@
 use super::{
     Became, Finding, ImportOptions, Layout,
     at::file_error,
+    fire::{self, FireSpec},
     medium::{ALBEDO, DEPTH, G},
     mesh::FARTHEST,
 };
@@ -78,7 +79,12 @@ fn regions(path: &Path, options: &ImportOptions) -> Result<Layout> {
     }
     fill(&mut scene.regions, &open, &facts, options, &mut notes);
     scene.sun = sun(&facts, options, &mut findings, &mut notes);
-    Ok(Layout { scene, sky: None, findings, notes, source_hash: String::new(), volumes: Vec::new() })
+    let within: Vec<_> = scene.regions.iter().filter_map(|r| if let Shape::Grid(grid) = &r.shape { Some(Arc::clone(grid)) } else { None }).collect();
+    let embers = fire::embers((path, &file), &options.fire, &within, Ok, &mut notes)?;
+    for finding in findings.iter_mut().filter(|f| embers.iter().any(|e| e.name == f.node)) {
+        (finding.became, finding.why) = (Became::Flame, "it was named as what shines".into());
+    }
+    Ok(Layout { scene, sky: None, embers, findings, notes, source_hash: String::new(), volumes: Vec::new() })
 }
 
 /// The grids of a `.vdb` that are no regions, to be written beside what becomes of those.
@@ -95,7 +101,7 @@ fn name(options: &ImportOptions) -> &str {
 }
 
 /// Whether a grid is a region, or would be one if anything were in it.
-fn is_picked(info: &GridInfo, name: &str) -> bool {
+pub(super) fn is_picked(info: &GridInfo, name: &str) -> bool {
     info.name == name && info.value_type == "float"
 }
 
@@ -202,8 +208,12 @@ fn fill(regions: &mut [Region], open: &[usize], facts: &Facts, options: &ImportO
 /// The file's sun, or the default one.
 fn sun(facts: &Facts, options: &ImportOptions, findings: &mut Vec<Finding>, notes: &mut Vec<String>) -> Sun {
     let usual = Sun::default();
+    let mut irradiance = facts.irradiance.unwrap_or(usual.irradiance);
     if facts.direction.is_some() {
         findings.push(Finding { node: "sun_direction".into(), became: Became::Sun, why: "the file's metadata".into() });
+    } else if options.fire != FireSpec::default() && options.overrides.sun.is_none() {
+        irradiance = [0.0; 3];
+        notes.push("No sun is given: none is assumed, what shines is the light. --sun and --irradiance give one.".into());
     } else if options.overrides.sun.is_none() {
         notes.push(
             "No sun is given: one 45 degrees high in the south-west, 1 W/m^2, is assumed. Say otherwise with --sun and --irradiance."
@@ -212,7 +222,7 @@ fn sun(facts: &Facts, options: &ImportOptions, findings: &mut Vec<Finding>, note
     }
     Sun {
         direction: facts.direction.unwrap_or(usual.direction),
-        irradiance: facts.irradiance.unwrap_or(usual.irradiance),
+        irradiance,
         angular_diameter: facts.angle.unwrap_or(usual.angular_diameter),
     }
 }

@@ -5,6 +5,7 @@ use super::{
     at::At,
     buffers::scheme,
     build::Builder,
+    fire::{self, FireSpec},
     gltf::Thing,
     medium::MediumSpec,
     mesh::FARTHEST,
@@ -19,7 +20,10 @@ use crate::{
     vdb::{GridInfo, VdbFile},
 };
 use glam::DAffine3;
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 const FILE: &str = "extras.cloudvdb.file";
 const GRID: &str = "extras.cloudvdb.grid";
@@ -48,7 +52,7 @@ impl Builder<'_> {
         let mut found = Vec::new();
         for (index, info) in picked {
             if let Some(grid) = vdb::voxels(&path, &file, index, info, &mut remarks).map_err(of_node)? {
-                found.push((placed(grid, &world, at)?, MediumSpec::known(vdb::scale(info), facts.albedo, facts.g)));
+                found.push((Arc::new(placed(grid, &world, at)?), MediumSpec::known(vdb::scale(info), facts.albedo, facts.g)));
             }
         }
         self.notes.extend(remarks.into_iter().map(|remark| format!("{at}, {spelt:?}: {remark}")));
@@ -56,10 +60,27 @@ impl Builder<'_> {
             let fix = "Write the VDB again with something in it, or name another of its grids";
             return Err(at.error(GRID, format!("{name:?}, which is empty in {spelt:?}"), "a grid with active voxels other than 0", fix));
         }
+        let within: Vec<Arc<VoxelGrid>> = found.iter().map(|(grid, _)| Arc::clone(grid)).collect();
+        let shining = self.shining(spec);
+        let fire = FireSpec {
+            emission: spec.emission_grid.clone().zip(shining.emission),
+            temperature: spec.temperature_grid.clone().zip(shining.temperature),
+            soot: shining.soot,
+        };
+        let lacks = |grid: &Option<String>, value: bool| grid.is_some() && !value;
+        if lacks(&spec.emission_grid, shining.emission.is_some()) {
+            return Err(unsaid("emission", at));
+        }
+        if lacks(&spec.temperature_grid, shining.temperature.is_some()) {
+            return Err(unsaid("temperature", at));
+        }
+        let mut embers = fire::embers((&path, &file), &fire, &within, |grid| placed(grid, &world, at), &mut self.notes).map_err(of_node)?;
+        embers.iter_mut().for_each(|ember| ember.name = at.name());
+        self.embers.extend(embers);
         let many = found.len() > 1;
         for (number, (grid, medium)) in found.into_iter().enumerate() {
             let region = if many { format!("{}[{number}]", at.name()) } else { at.name() };
-            self.region(region, Solid::Shape(Shape::Grid(grid.into())), spec, &medium);
+            self.region(region, Solid::Shape(Shape::Grid(grid)), spec, &medium);
         }
         if !self.volumes.iter().any(|(known, _)| *known == path) {
             let hash = vdb::hash(&path).map_err(of_node)?;
@@ -68,6 +89,12 @@ impl Builder<'_> {
         self.found(at.name(), Became::Region, format!("its extras name the VDB {spelt:?}, grid {name:?}"));
         Ok(())
     }
+}
+
+/// The error of a node that names a grid which shines, and not how much.
+fn unsaid(key: &str, at: At) -> Error {
+    let fix = format!("Add \"{key}\" to the custom property `cloudvdb`: what a sample of 1 of that grid stands for");
+    at.error(format!("extras.cloudvdb.{key}"), "missing, though a grid is named for it", "a number above 0", fix)
 }
 
 /// The path of a file that a glTF file names: relative ones begin in its folder. With the key that names it, and what it is.

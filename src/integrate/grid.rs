@@ -100,6 +100,7 @@ struct Stretch {
 pub(super) struct Room {
     scratch: Scratch,
     profile: Profile,
+    own: Profile,
 }
 
 impl GridTracer {
@@ -186,7 +187,7 @@ fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3)> {
 
 /// Whether regions get other light than the sun's own.
 fn sends(scene: &Scene, plan: &Plan) -> bool {
-    luminance(scene.sky) > 0.0 || !scene.air.is_empty() || plan.on(EffectName::SurfaceBounce)
+    luminance(scene.sky) > 0.0 || !scene.flames.is_empty() || !scene.air.is_empty() || plan.on(EffectName::SurfaceBounce)
 }
 
 /// Whether a camera may see anything of a box.
@@ -241,6 +242,11 @@ impl Channel {
                 arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * (sent.found.rgb + sent.followed);
                 sent.found.add_to(&mut arrival, throughput);
                 arrival.collisions += sent.looks;
+            }
+            if !tracer.fire.is_empty() {
+                let Room { scratch, profile, own } = room;
+                let sent = tracer.fire_along(&ray, hit.map_or(reach, |h| h.t), profile, scratch, own);
+                arrival.light[layer.beside(Layer::VolumeDirect) as usize] += throughput * sent;
             }
             throughput *= stretch.clear * tracer.bands[0].air.transmittance(&ray, hit.map_or(reach, |h| h.t));
             let Some(hit) = hit else {

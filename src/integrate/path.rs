@@ -13,7 +13,7 @@ use super::sunlight::Sunlight;
 use super::tile::{Arrival, Layer, Transport};
 use crate::geom::Ray;
 use crate::media::{
-    Flight, Scratch,
+    Fire, Flight, Profile, Scratch,
     air::{self, Spectrum},
 };
 use crate::plan::{EffectName, Plan};
@@ -39,6 +39,7 @@ pub(super) struct PathTracer {
     pub sun: Sunlight,
     pub sky: Skylight,
     lamps: Lamplight,
+    pub fire: Fire,
     /// Collisions with regions after which a path ends.
     orders: u64,
     /// Whether surfaces light regions, and regions shade surfaces.
@@ -61,6 +62,7 @@ impl PathTracer {
             sun: Sunlight::new(&scene.sun, plan.on(EffectName::SunDisc)),
             sky: Skylight::new(scene),
             lamps: Lamplight::new(scene, origin),
+            fire: Fire::new(scene, origin),
             orders: plan.orders.map_or(MOST_COLLISIONS, u64::from),
             bounces: plan.on(EffectName::SurfaceBounce),
             shades: plan.on(EffectName::CloudShadow),
@@ -83,10 +85,16 @@ impl PathTracer {
             let flight = band.media.fly(&ray, reach, tau, hint, rng, scratch);
             let distance = if let Flight::Collision { distance, .. } = flight { distance } else { reach };
             let hit = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&ray, distance) };
-            let mut in_air = None;
+            let (free, mut in_air) = (hit.map_or(distance, |h| h.t), None);
             if !band.air.is_empty() {
-                let free = hit.map_or(distance, |h| h.t);
                 in_air = band.air.fly(&ray, free, &spectrum, rng);
+            }
+            if !self.fire.is_empty() {
+                let reach = in_air.map_or(free, |(distance, _)| distance);
+                arrival.light[layer.beside(Layer::VolumeDirect) as usize] +=
+                    throughput * self.fire_of_flight(band, spectrum, &ray, reach, rng, scratch);
+            }
+            if !band.air.is_empty() {
                 throughput *= spectrum.flown(&band.air, &ray, in_air.map_or(free, |(distance, _)| distance), in_air.map(|(_, air)| air));
             }
             if let Some((distance, air)) = in_air {
@@ -190,6 +198,21 @@ impl PathTracer {
     pub(super) fn lamps_in_air(&self, band: &Band, ray: &Ray, layer: &air::Layer, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
         let sent = |toward| layer.scattering.value(one_minus_cos(ray.direction, toward));
         self.lamps.look(band, &self.surfaces, ray.origin, sent, rng, scratch)
+    }
+
+    /// What flames along a flight of that reach send back along it; an unbiased estimate of what arrives, as the flight's end is drawn.
+    fn fire_of_flight(&self, band: &Band, spectrum: Spectrum, ray: &Ray, reach: f32, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
+        if band.air.is_empty() {
+            return self.fire.along(ray, reach, scratch);
+        }
+        self.fire.weighed(ray, reach, || rng.uniform(), |distance| { spectrum }.flown(&band.air, ray, distance, None), scratch)
+    }
+
+    /// What flames along the ray's first `reach` metres send to its origin, past the media of `before` and past air; `own` is room for it.
+    pub(super) fn fire_along(&self, ray: &Ray, reach: f32, before: &Profile, scratch: &mut Scratch, own: &mut Profile) -> Vec3 {
+        let air = &self.bands[0].air;
+        let clear = |distance: f32| if air.is_empty() { Vec3::ONE } else { air.transmittance(ray, distance) };
+        self.fire.seen(ray, reach, before, clear, scratch, own)
     }
 
     /// The sunlight that the next collision along `ray` scatters back along it, times `share`.

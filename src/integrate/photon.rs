@@ -15,13 +15,13 @@ use super::tile::{Arrival, Layer, Transport};
 use super::{Directional, RenderSettings};
 use crate::error::{Error, Result};
 use crate::geom::Ray;
-use crate::media::{Media, Scratch};
+use crate::media::{Media, Profile, Scratch};
 use crate::photon::{Model, Neighbourhood, Photon, PhotonMap, Tracer};
 use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
-use crate::scene::{Medium, Region, Scene, Sun, Surface, medium::luminance};
+use crate::scene::{Medium, Region, Scene, Sun, Surface};
 use crate::trimesh::Hit;
 use beam::Beams;
 use gather::Gather;
@@ -92,6 +92,8 @@ pub struct Lighting {
 
 /// Neighbourhoods that a tile keeps of each channel.
 const HOODS: usize = 64;
+/// Beyond this optical depth nothing is seen of flames.
+const OPAQUE: f64 = 14.0;
 /// Light off a surface, and on it, is marched by steps so much longer: it is a part of the picture only.
 const COARSER: f64 = 8.0;
 
@@ -133,6 +135,8 @@ pub(super) struct Room {
     crossings: Vec<(f32, f32, u32)>,
     stretches: Vec<beam::Even>,
     hoods: Vec<Neighbourhood>,
+    before: Profile,
+    own: Profile,
 }
 
 impl Room {
@@ -203,10 +207,8 @@ impl PhotonTracer {
 
 /// The grey scenes that make up a scene, with the channels that each stands for and the tint of the light of its sun and lamps.
 pub(super) fn channels_of(scene: &Scene, model: Model) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
-    let lights = || std::iter::once(scene.sun.irradiance).chain(scene.lamps.iter().map(|l| l.intensity)).filter(|&l| luminance(l) > 0.0);
-    let tints = || lights().map(|light| DVec3::from_array(light) / luminance(light));
-    let tint = tints().next().unwrap_or(DVec3::ZERO);
-    let alike = tints().all(|other| (other - tint).abs().max_element() <= 1e-9);
+    let tint = scene.tints().next().unwrap_or(DVec3::ZERO);
+    let alike = scene.tints().all(|other| (other - tint).abs().max_element() <= 1e-9);
     let tint = tint.as_vec3();
     let same = |c: [f64; 3]| c[0] == c[1] && c[1] == c[2];
     if scene.regions.iter().all(|r| r.medium.is_grey())
@@ -237,6 +239,7 @@ fn with(scene: &Scene, medium: &dyn Fn(&Medium) -> Medium, of: &dyn Fn([f64; 3])
         surfaces: scene.surfaces.iter().map(|s| Surface { albedo: of(s.albedo), ..s.clone() }).collect(),
         sun: Sun { irradiance: of(scene.sun.irradiance), ..scene.sun },
         lamps: scene.lamps.iter().map(|lamp| lamp.coloured(of)).collect(),
+        flames: scene.flames.iter().map(|flame| flame.coloured(of)).collect(),
         sky: of(scene.sky),
         dome: scene.dome.as_ref().and_then(|dome| dome.coloured(of)).map(Arc::new),
         air: scene.air.coloured(of),
@@ -254,7 +257,7 @@ fn traced(
     progress: &dyn Progress,
     lighting: &mut Lighting,
 ) -> Result<Option<PhotonMap>> {
-    if !(scene.sun.shines() || scene.lamps.iter().any(|lamp| lamp.grey() > 0.0)) || scene.regions.is_empty() {
+    if !scene.is_lit() || scene.regions.is_empty() {
         return Ok(None);
     }
     match tracer.fill(wanted, seed, progress) {
@@ -294,6 +297,11 @@ impl Channel {
                     Some(hit) => (stretch.depth + stretch.clear * f64::from(hit.t), 1.0),
                     None => (stretch.depth, 1.0 - stretch.clear),
                 };
+            }
+            if !tracer.fire.is_empty() {
+                let Room { scratch, before, own, .. } = room;
+                tracer.bands[0].media.profile(&ray, end, OPAQUE, scratch, before);
+                arrival.light[layer.beside(Layer::VolumeDirect) as usize] += throughput * tracer.fire_along(&ray, end, before, scratch, own);
             }
             throughput *= stretch.clear as f32;
             let Some(hit) = hit else {

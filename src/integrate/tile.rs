@@ -25,6 +25,11 @@ pub(super) enum Layer {
 }
 
 impl Layer {
+    /// The layer of light from something of the layer `own` that is met, and that what is behind shines through.
+    pub(super) fn beside(self, own: Layer) -> Layer {
+        if self == Layer::Environment { own } else { self }
+    }
+
     /// The layer of light that also passed an `event` behind what this one stands for.
     pub(super) fn then(self, event: Layer) -> Layer {
         match self {

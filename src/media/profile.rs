@@ -56,6 +56,32 @@ impl Profile {
         s.before + (s.after - s.before) * share
     }
 
+    /// Visits the stretches of `light`, whose extinction stands for what is emitted: what each sends past the extinction of this profile,
+    /// and the middle of it, m.
+    pub fn pass(&self, light: &Profile, mut visit: impl FnMut(f64, f32)) {
+        let slope = |s: &Step| (s.after - s.before) / (f64::from(s.to) - f64::from(s.from));
+        let mut at = 0;
+        for lit in &light.steps {
+            let (sent, mut from) = (slope(lit), lit.from);
+            while from < lit.to {
+                while self.steps.get(at).is_some_and(|s| s.to <= from) {
+                    at += 1;
+                }
+                let (to, sigma, before) = match self.steps.get(at) {
+                    None => (lit.to, 0.0, self.depth()),
+                    Some(s) if s.from > from => (s.from.min(lit.to), 0.0, s.before),
+                    Some(s) => (s.to.min(lit.to), slope(s), s.before + slope(s) * (f64::from(from) - f64::from(s.from))),
+                };
+                let length = f64::from(to) - f64::from(from);
+                let tau = sigma * length;
+                // The mean of what passes from within the stretch.
+                let mean = if tau > 1e-6 { -(-tau).exp_m1() / tau } else { 1.0 - 0.5 * tau };
+                visit(sent * length * mean * (-before).exp(), from + 0.5 * (to - from));
+                from = to;
+            }
+        }
+    }
+
     /// A region at a distance, with a chance in proportion to its extinction there; `pick` in [0, 1).
     pub fn region(&self, distance: f32, pick: impl FnOnce() -> f64) -> u32 {
         let here = |p: &&Piece| p.from <= distance && distance <= p.to;

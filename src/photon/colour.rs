@@ -60,12 +60,11 @@ impl Colours {
             if grey > 0.0 { DVec3::from_array(rgb) / grey } else { DVec3::ONE }
         };
         let (sun, sky) = (tint(scene.sun.irradiance), tint(scene.sky));
-        let (sunny, overcast) = (luminance(scene.sun.irradiance) > 0.0, luminance(scene.sky) > 0.0);
+        let overcast = luminance(scene.sky) > 0.0;
         let one = scene.dome.as_ref().is_none_or(|dome| dome.has_one_colour());
-        let lamps = || scene.lamps.iter().filter(|lamp| lamp.grey() > 0.0).map(|lamp| tint(lamp.intensity));
-        let lights: Vec<DVec3> = [sunny.then_some(sun), overcast.then_some(sky)].into_iter().flatten().chain(lamps()).collect();
-        let main = lights.first().copied().unwrap_or(DVec3::ONE);
-        let alike = one && lights.iter().all(|light| (light - main).abs().max_element() <= 1e-9);
+        let lights = || scene.tints().chain(overcast.then_some(sky));
+        let main = lights().next().unwrap_or(DVec3::ONE);
+        let alike = one && lights().all(|light| (light - main).abs().max_element() <= 1e-9);
         let grey = scene.regions.iter().all(|r| r.medium.is_grey()) && scene.surfaces.iter().all(|s| same(s.albedo)) && scene.air.is_grey();
         let (sun, sky) = (sun.as_vec3(), sky.as_vec3());
         if alike && grey {

@@ -5,6 +5,7 @@ mod air;
 mod colour;
 pub mod emit;
 mod eye;
+mod flame;
 mod lamp;
 pub mod map;
 pub mod nearest;

@@ -4,6 +4,7 @@ use super::air::AirLight;
 use super::colour::Colours;
 use super::emit::{Emitter, Start};
 use super::eye::Eye;
+use super::flame::Flames;
 use super::lamp::Lamps;
 use super::map::PhotonMap;
 use super::rules::{Hura2006, Physical, Rules};
@@ -118,6 +119,7 @@ pub struct Tracer {
     pub(super) emitter: Emitter,
     sky: Option<Sky>,
     pub(super) lamps: Option<Lamps>,
+    flames: Option<Flames>,
     pub(super) sky_radiance: DVec3,
     pub(super) dome: Option<Arc<Dome>>,
     pub(super) colours: Colours,
@@ -156,6 +158,7 @@ impl Tracer {
             albedos: scene.surfaces.iter().map(|s| if bounces { luminance(s.albedo).clamp(0.0, 1.0) } else { 0.0 }).collect(),
             sky: Sky::of(scene, origin, bounces),
             lamps: Lamps::of(scene, origin, emitter.aim(), bounces),
+            flames: Flames::of(scene, origin, emitter.aim(), bounces),
             emitter,
             sky_radiance: DVec3::from_array(scene.sky),
             dome: scene.dome.clone(),
@@ -224,7 +227,7 @@ impl Tracer {
         let shut_out = shot.collisions == 0 && (self.thickest > 0.01 || shot.energy.ratio(Fate::AbsorbedSurface as usize).value > 0.999);
         if shot.energy.denominator() <= 0.0 || shut_out {
             return Err(Error::Scene {
-                reason: "no light reaches any region: the sun is dark (lamps too), below the horizon of a layer without end, or surfaces stand between it and every region".into(),
+                reason: "no light reaches any region: the sun is dark (lamps and flames too), below the horizon of a layer without end, or surfaces stand between it and every region".into(),
                 fix: "Give the sun a strength above zero, and check what lies between it and the cloud".into(),
             });
         }

@@ -113,6 +113,7 @@ pub fn lit<'a>(scene: &'a Scene, written: &[Region], density: Density) -> Cow<'a
             surfaces: scene.surfaces.clone(),
             sun: scene.sun,
             lamps: scene.lamps.clone(),
+            flames: scene.flames.clone(),
             sky: scene.sky,
             dome: scene.dome.clone(),
             air: scene.air,

@@ -57,11 +57,11 @@ struct Orders {
 }
 
 /// Light of order n + 1 comes from light of order n that collides once more, of which there is a share of at most 1 - e^-tau; the first
-/// order is at least e^-tau of what the sun's is without attenuation, unless a surface hides the sun. Of lamps, which may stand anywhere, no
+/// order is at least e^-tau of what the sun's is without attenuation, unless a surface hides the sun. Of lamps and flames, which may be anywhere, no
 /// order has such a bound.
 fn orders(scene: &Scene) -> Orders {
     let tau: f64 = scene.regions.iter().map(deepest).sum();
-    if tau >= THICK || scene.regions.is_empty() || may_hide_the_sun(scene) || !scene.lamps.is_empty() {
+    if tau >= THICK || scene.regions.is_empty() || may_hide_the_sun(scene) || !scene.lamps.is_empty() || !scene.flames.is_empty() {
         return Orders { tau, terms: None };
     }
     let collides = -(-tau).exp_m1();
@@ -228,9 +228,10 @@ fn reflected(scene: &Scene) -> f64 {
 
 pub(super) fn surface_bounce(scene: &Scene) -> Finding {
     let albedo = scene.surfaces.iter().flat_map(|s| s.albedo).fold(0.0, f64::max);
-    let bound = if scene.lamps.is_empty() { reflected(scene) } else { 1.0 };
-    let reason = if albedo > 0.0 && !scene.lamps.is_empty() {
-        format!("surfaces reflect up to {:.1} % of the light of lamps, which may be near", 100.0 * albedo)
+    let near = !scene.lamps.is_empty() || !scene.flames.is_empty();
+    let bound = if near { 1.0 } else { reflected(scene) };
+    let reason = if albedo > 0.0 && near {
+        format!("surfaces reflect up to {:.1} % of the light of lamps and flames, which may be near", 100.0 * albedo)
     } else if albedo > 0.0 && !scene.regions.is_empty() {
         format!("surfaces reflect up to {:.1} %, and send regions at most {:.2} % of what the sun does", 100.0 * albedo, 100.0 * bound)
     } else if scene.surfaces.is_empty() {
@@ -253,6 +254,16 @@ pub(super) fn air(scene: &Scene) -> Finding {
     Finding { there: depth > 0.0, figure: depth, bound: 1.0, reason }
 }
 
+/// Flames are seen themselves, and how near they are to what they light nobody bounds.
+pub(super) fn emission(scene: &Scene) -> Finding {
+    let power: f64 = scene.flames.iter().map(crate::scene::Flame::power).sum();
+    let reason = match scene.flames.len() {
+        0 => "nothing shines by itself".into(),
+        n => format!("{n} flames send out {power:.4} W, and are seen"),
+    };
+    Finding { there: power > 0.0, figure: power, bound: 1.0, reason }
+}
+
 /// The largest spread of a colour, over itself; of a medium, as often as light collides.
 pub(super) fn colour(scene: &Scene) -> Finding {
     let spread = |rgb: [f64; 3]| {
@@ -263,8 +274,9 @@ pub(super) fn colour(scene: &Scene) -> Finding {
     let media = most(scene, |r| spread(r.medium.sigma_s).max(spread(r.medium.sigma_t_rgb())));
     let air = scene.air.layers().map(|l| spread(l.sigma_s).max(spread(l.sigma_a))).fold(0.0, f64::max);
     let surfaces = scene.surfaces.iter().map(|s| spread(s.albedo)).fold(0.0, f64::max);
-    let lamps = scene.lamps.iter().map(|lamp| spread(lamp.intensity)).fold(0.0, f64::max);
-    let lights = spread(scene.sun.irradiance).max(spread(scene.sky)).max(lamps);
+    let near = scene.lamps.iter().map(|lamp| lamp.intensity).chain(scene.flames.iter().map(|flame| flame.emission));
+    let near = near.map(spread).fold(0.0, f64::max);
+    let lights = spread(scene.sun.irradiance).max(spread(scene.sky)).max(near);
     let lights = if scene.dome.as_ref().is_some_and(|dome| !dome.has_one_colour()) { 1.0 } else { lights };
     let figure = media.max(air).max(surfaces).max(lights);
     let reason = if figure > 0.0 {

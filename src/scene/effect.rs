@@ -26,6 +26,8 @@ pub enum EffectName {
     SurfaceBounce,
     /// Air around the clouds: haze, the sky's blue, sunbeams.
     Air,
+    /// Media that shine by themselves.
+    Emission,
     /// Media or light of more than one colour.
     Colour,
     /// The synthesis of regions (thesis 3.3.1).
@@ -35,7 +37,7 @@ pub enum EffectName {
 impl EffectName {
     /// Those that a user may switch, with their names. Whether there are overlaps, variation and shadows of surfaces is the scene's matter;
     /// the duality is asked for by the density.
-    pub const SWITCHES: [(&str, EffectName); 9] = [
+    pub const SWITCHES: [(&str, EffectName); 10] = [
         ("multiple_scattering", EffectName::MultipleScattering),
         ("absorption", EffectName::Absorption),
         ("anisotropy", EffectName::Anisotropy),
@@ -44,6 +46,7 @@ impl EffectName {
         ("cloud_shadow", EffectName::CloudShadow),
         ("surface_bounce", EffectName::SurfaceBounce),
         ("air", EffectName::Air),
+        ("emission", EffectName::Emission),
         ("colour", EffectName::Colour),
     ];
 }

@@ -4,10 +4,12 @@
 //! [`Media`](crate::media::Media) and [`TriMesh`](crate::trimesh::TriMesh), compiled from it, recentred and in `f32`.
 
 pub mod air;
+pub mod black_body;
 pub mod camera;
 pub mod density;
 pub mod dome;
 pub mod effect;
+pub mod flame;
 pub mod lamp;
 pub mod light;
 pub mod medium;
@@ -25,6 +27,7 @@ pub use camera::Camera;
 pub use density::BrickGrid;
 pub use dome::Dome;
 pub use effect::Wishes;
+pub use flame::Flame;
 pub use lamp::{Lamp, Spot};
 pub use light::Sun;
 pub use medium::Medium;
@@ -37,6 +40,8 @@ pub use view::{Framed, View};
 pub use voxels::VoxelGrid;
 
 use crate::geom::Bounds;
+use glam::DVec3;
+use medium::luminance;
 use std::sync::Arc;
 
 /// A whole scene in world space (Z up, metres).
@@ -50,6 +55,8 @@ pub struct Scene {
     pub sun: Sun,
     /// The lamps.
     pub lamps: Vec<Lamp>,
+    /// What shines by itself, wherever it is.
+    pub flames: Vec<Flame>,
     /// The sky's radiance, W m^-2 sr^-1, RGB: the same from all directions, or the mean of the dome.
     pub sky: [f64; 3],
     /// The sky's radiance by direction, where it is not the same from all.
@@ -66,6 +73,18 @@ impl Scene {
     /// The name of a region that is a voxel grid, where there is one.
     pub fn voxel_grid(&self) -> Option<&str> {
         self.regions.iter().find(|region| matches!(region.shape, Shape::Grid(_))).map(|region| region.name.as_str())
+    }
+
+    /// The colours of the lights that are not the sky's, each with a luminance of 1: sun, lamps, flames.
+    pub fn tints(&self) -> impl Iterator<Item = DVec3> {
+        let near = self.lamps.iter().map(|lamp| lamp.intensity).chain(self.flames.iter().map(|flame| flame.emission));
+        let all = std::iter::once(self.sun.irradiance).chain(near);
+        all.filter(|&rgb| luminance(rgb) > 0.0).map(|rgb| DVec3::from_array(rgb) / luminance(rgb))
+    }
+
+    /// Whether anything but the sky gives light.
+    pub fn is_lit(&self) -> bool {
+        self.tints().next().is_some()
     }
 
     /// The bounds of all regions; empty without one.

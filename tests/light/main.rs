@@ -3,5 +3,6 @@
 //! `cargo test --release --test light -- --nocapture` prints every figure with its error.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod fire;
 mod oracles;
 mod plan;

@@ -23,7 +23,7 @@ const LAYERS: [(f64, f64, f64, f64, f64); 7] = [
     (0.85, 0.99, 8.0, 0.30215, f64::NAN),
 ];
 
-fn region(shape: Shape, medium: Medium) -> Region {
+pub fn region(shape: Shape, medium: Medium) -> Region {
     Region { name: "cloud".into(), shape, medium, photons: None }
 }
 
@@ -48,7 +48,7 @@ fn close(what: &str, found: Estimate, truth: f64, most: f64) {
 }
 
 /// A grid of one tile; samples by index.
-fn grid(size: [i32; 3], voxel: DVec3, periodic: bool, density: impl Fn([i32; 3]) -> f64) -> Arc<VoxelGrid> {
+pub fn grid(size: [i32; 3], voxel: DVec3, periodic: bool, density: impl Fn([i32; 3]) -> f64) -> Arc<VoxelGrid> {
     let bricks = size.map(|n| (n + 7) / 8);
     let (mut origins, mut values) = (Vec::new(), Vec::new());
     for x in 0..bricks[0] {

@@ -2,9 +2,10 @@
 
 A scene is a dict in Blender's frame and in metres:
 
-    {"balls": [{"centre", "radius", "sigma", "albedo", "g"}, ...]              these
+    {"balls": [{"centre", "radius", "sigma", "albedo", "g"}, ...]              these; an "emission", RGB, where they shine (not for Mitsuba)
      "vdb": path, "voxel": h, "sigma", "albedo", "g",                          and/or a grid named density,
      "values": array, "origin": centre of values[0, 0, 0],                     what is in it (for Mitsuba),
+     "flame": what a sample of 1 of its grid of that name emits, RGB, where it has one (not for Mitsuba),
      "place": 4 x 4, laid on the grid by the file's transform, or None,
      "sun": {"direction", "irradiance", "angle"}, "sky": radiance, "sky_image": path of an EXR in its place, or None,
      "ground": {"z", "albedo", "half_size"} or None,
@@ -62,9 +63,9 @@ def ball(centre, radius, sigma, albedo=0.999, g=0.85):
     return {"centre": centre, "radius": radius, "sigma": sigma, "albedo": albedo, "g": g}
 
 
-def grid(path, values, voxel, origin, sigma=25.0, albedo=0.999, g=0.85, place=None):
+def grid(path, values, voxel, origin, sigma=25.0, albedo=0.999, g=0.85, place=None, **others):
     """Writes `values` (x, y, z), whose first sample is at `origin` before `place` is laid on it; returns the media part of a scene."""
-    vdbinfo.write_values(path, values, voxel, origin, place)
+    vdbinfo.write_values(path, values, voxel, origin, place, **others)
     return {"vdb": str(path), "voxel": voxel, "values": values, "origin": tuple(origin), "sigma": sigma, "albedo": albedo, "g": g,
             "place": None if place is None else np.array(place).tolist()}
 
@@ -191,11 +192,13 @@ def numbers(values):
 def layout(scene, path):
     """The media and the ground of a scene as glTF; light and camera are said on the command line."""
     nodes = [gltf.ball(f"Ball.{i}", b["centre"], b["radius"], sigma_s=b["sigma"] * b["albedo"],
-                       sigma_a=b["sigma"] * (1 - b["albedo"]), g=b["g"]) for i, b in enumerate(scene.get("balls") or ())]
+                       sigma_a=b["sigma"] * (1 - b["albedo"]), g=b["g"],
+                       **({"emission": b["emission"]} if "emission" in b else {})) for i, b in enumerate(scene.get("balls") or ())]
     if scene.get("vdb"):
         path = pathlib.Path(path)
         file = os.path.relpath(pathlib.Path(scene["vdb"]).resolve(), path.parent.resolve())
-        nodes.append(gltf.volume(file, sigma_t=scene["sigma"], albedo=scene["albedo"], g=scene["g"]))
+        burns = {"emission_grid": "flame", "emission": scene["flame"]} if scene.get("flame") else {}
+        nodes.append(gltf.volume(file, sigma_t=scene["sigma"], albedo=scene["albedo"], g=scene["g"], **burns))
     document, blob = gltf.document(nodes)
     for lamp in scene.get("lamps") or ():
         gltf.add_lamp(document, lamp["position"], lamp["intensity"])
@@ -215,6 +218,8 @@ def flags(scene):
         out += ["--atmosphere", f"haze:sigma_t={air['sigma']},albedo={air['albedo']},g={air['g']},base={air['base']},top={air['top']}"]
     if scene.get("vdb") and not scene.get("balls"):
         out += ["--sigma-t", scene["sigma"], "--albedo", scene["albedo"], "-g", scene["g"]]
+        if scene.get("flame") and not scene["ground"]:
+            out += ["--emission", "flame=" + numbers(scene["flame"])]
     return [f"{a}" for a in out]
 
 

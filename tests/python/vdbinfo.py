@@ -50,13 +50,17 @@ WRITE = r"""
 import sys
 import numpy as np, pyopenvdb as vdb
 data = np.load(sys.argv[1])
-grid = vdb.FloatGrid(0.0)
-grid.name, grid.gridClass, grid.saveFloatAsHalf = "density", vdb.GridClass.FOG_VOLUME, bool(data["half"])
-grid.copyFromArray(np.ascontiguousarray(data["values"], np.float32), ijk=tuple(int(i) for i in data["low"]))
-# OpenVDB's matrices multiply rows.
-grid.transform = vdb.createLinearTransform(data["matrix"].T.tolist())
-grid.prune()
-vdb.write(sys.argv[2], grids=[grid])
+
+def made(name):
+    grid = vdb.FloatGrid(0.0)
+    grid.name, grid.gridClass, grid.saveFloatAsHalf = name, vdb.GridClass.FOG_VOLUME, bool(data["half"])
+    grid.copyFromArray(np.ascontiguousarray(data["grid_" + name], np.float32), ijk=tuple(int(i) for i in data["low"]))
+    # OpenVDB's matrices multiply rows.
+    grid.transform = vdb.createLinearTransform(data["matrix"].T.tolist())
+    grid.prune()
+    return grid
+
+vdb.write(sys.argv[2], grids=[made(key[5:]) for key in data.files if key.startswith("grid_")])
 """
 
 
@@ -104,13 +108,14 @@ def coverage(balls, voxel, fine=8):
     return values, low
 
 
-def write_values(path, values, voxel, origin, place=None, low=(0, 0, 0), half=False):
-    """A VDB of `values` (x, y, z), whose sample (0, 0, 0) is at `origin` and whose first is number `low`. 32-bit floats.
+def write_values(path, values, voxel, origin, place=None, low=(0, 0, 0), half=False, **others):
+    """A VDB of `values` (x, y, z) named density and of `others` by their names, whose sample (0, 0, 0) is at `origin` and whose first is number `low`. 32-bit floats.
     `place`, 4 x 4, is laid on the world of the grid: it becomes a part of the transform in the file."""
     matrix = np.diag([voxel] * 3 + [1.0])
     matrix[:3, 3] = origin
     with tempfile.NamedTemporaryFile(suffix=".npz") as file:
-        np.savez(file, values=values, low=low, matrix=matrix if place is None else np.array(place) @ matrix, half=half)
+        grids = {f"grid_{name}": array for name, array in dict(others, density=values).items()}
+        np.savez(file, **grids, low=low, matrix=matrix if place is None else np.array(place) @ matrix, half=half)
         file.flush()
         _debian(WRITE, file.name, path)
     return path

@@ -103,9 +103,8 @@ struct Followed {
 fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
     let sky = scene.sky;
     let mut parts = channels_of(scene, Model::Physical);
-    // Where all is grey, the sun's colour is that of the lamps too.
-    let lamp = scene.lamps.first().map_or([0.0; 3], |lamp| lamp.intensity);
-    let sun = if scene.sun.shines() { scene.sun.irradiance } else { lamp };
+    // Where all is grey, the sun, lamps and flames have one colour.
+    let sun = scene.tints().next().unwrap_or(DVec3::ZERO).to_array();
     if parts.len() > 1 || luminance(sky) <= 0.0 {
         return parts;
     }
@@ -113,7 +112,7 @@ fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
     let sky_tint = (DVec3::from_array(sky) / luminance(sky)).as_vec3();
     if luminance(sun) <= 0.0 {
         parts[0].2 = sky_tint;
-    } else if !alike && !scene.lamps.is_empty() {
+    } else if !alike && (!scene.lamps.is_empty() || !scene.flames.is_empty()) {
         return by_channel(scene).into_iter().map(|(scene, mask)| (scene, mask, Vec3::ONE)).collect();
     } else if !alike {
         parts[0].0 = Cow::Owned(Scene { sky: [0.0; 3], dome: None, ..scene.clone() });

@@ -40,8 +40,8 @@ impl Tracer {
 
     /// About the most power that a path has in a channel, before it is divided by their number, W.
     pub fn strongest(&self) -> f64 {
-        let (sky, lamps, air) = (self.share_of_sky(), self.share_of_lamps(true), self.share_of_air());
-        let rest = (1.0 - lamps) * (1.0 - air);
+        let (sky, [lamps, flames], air) = (self.share_of_sky(), self.shares_of_near(true), self.share_of_air());
+        let rest = (1.0 - lamps - flames) * (1.0 - air);
         let of = |power: f64, share: f64| if power > 0.0 { power / share } else { 0.0 };
         let far = if rest > 0.0 {
             let sky_power = self.sky.as_ref().map_or(0.0, |light| light.power());
@@ -50,24 +50,37 @@ impl Tracer {
             0.0
         };
         let lamps = of(self.lamps.as_ref().map_or(0.0, |light| light.strongest()), lamps * (1.0 - air));
-        self.colours.most() * far.max(lamps).max(self.air_light.map_or(0.0, |light| light.power / air))
+        let flames = of(self.flames.as_ref().map_or(0.0, |light| light.strongest()), flames * (1.0 - air));
+        self.colours.most() * far.max(lamps).max(flames).max(self.air_light.map_or(0.0, |light| light.power / air))
     }
 
     /// The share of paths of [`Tracer::follow`] that start in air.
     fn share_of_air(&self) -> f64 {
         let Some(light) = self.air_light else { return 0.0 };
-        let lamps = self.lamps.as_ref().map_or(0.0, |lamps| lamps.power);
-        let other = self.emitter.base_power() + self.sky.as_ref().map_or(0.0, |sky| sky.power()) + lamps;
+        let [lamps, flames] = self.near_powers();
+        let other = self.emitter.base_power() + self.sky.as_ref().map_or(0.0, |sky| sky.power()) + lamps + flames;
         (light.power / (light.power + other)).clamp(0.1, 0.8)
     }
 
-    /// The share of the others that start at lamps: of a sample no kind has few; else all have the same power.
-    fn share_of_lamps(&self, sample: bool) -> f64 {
-        let Some(lamps) = &self.lamps else { return 0.0 };
+    /// What lamps and flames send out, W.
+    fn near_powers(&self) -> [f64; 2] {
+        [self.lamps.as_ref().map_or(0.0, |lamps| lamps.power), self.flames.as_ref().map_or(0.0, |flames| flames.power)]
+    }
+
+    /// The shares of the others that start at lamps and in flames: of a sample no kind has few; else all have the same power.
+    fn shares_of_near(&self, sample: bool) -> [f64; 2] {
+        let near = self.near_powers();
+        let sum: f64 = near.iter().sum();
+        if sum <= 0.0 {
+            return [0.0; 2];
+        }
         let sky = if sample { self.sky.as_ref().map_or(0.0, |sky| sky.power()) } else { 0.0 };
         let far = self.emitter.base_power() + sky;
-        let share = lamps.power / (lamps.power + far);
-        if sample && far > 0.0 { share.clamp(0.2, 0.8) } else { share }
+        let share = sum / (sum + far);
+        let share = if sample && far > 0.0 { share.clamp(0.2, 0.8) } else { share };
+        let first = near[0] / sum;
+        let first = if sample && near.iter().all(|&power| power > 0.0) { first.clamp(0.2, 0.8) } else { first };
+        [share * first, share * (1.0 - first)]
     }
 
     /// The share of those that are left that start in the sky.
@@ -84,12 +97,19 @@ impl Tracer {
             let start = light.emit(self, rng, scratch);
             return Start { power: start.power / shares.1, ..start };
         }
-        let lamps = self.share_of_lamps(along.is_some());
-        if let Some(light) = self.lamps.as_ref().filter(|_| rng.uniform() < lamps) {
-            let start = light.emit(rng);
-            let counted = self.media.entrance(&start.ray, scratch).is_some();
-            let tint = if self.tints().is_some() { start.tint } else { Vec3::ONE };
-            return Start { power: start.power / (lamps * (1.0 - shares.1)), tint, counted, ..start };
+        let near = self.shares_of_near(along.is_some());
+        if near[0] + near[1] > 0.0 {
+            let drawn = rng.uniform();
+            let start = match (&self.lamps, &self.flames) {
+                (Some(light), _) if drawn < near[0] => Some((light.emit(rng), near[0])),
+                (_, Some(light)) if drawn < near[0] + near[1] => Some((light.emit(rng), near[1])),
+                _ => None,
+            };
+            if let Some((start, share)) = start {
+                let counted = self.media.entrance(&start.ray, scratch).is_some();
+                let tint = if self.tints().is_some() { start.tint } else { Vec3::ONE };
+                return Start { power: start.power / (share * (1.0 - shares.1)), tint, counted, ..start };
+            }
         }
         let (start, share, tint) = match self.sky.as_ref().filter(|_| shares.0 > 0.0 && rng.uniform() < shares.0) {
             Some(sky) => {
@@ -104,7 +124,7 @@ impl Tracer {
             Some(tint) => (start.power, tint * clear),
             None => (start.power * f64::from(clear.x), Vec3::ONE),
         };
-        Start { power: power / (share * (1.0 - lamps) * (1.0 - shares.1)), tint, ..start }
+        Start { power: power / (share * (1.0 - near[0] - near[1]) * (1.0 - shares.1)), tint, ..start }
     }
 
     /// The area, across the sunlight, over which photons start, m^2.

@@ -78,8 +78,8 @@ def import_volume(path):
     return thing
 
 
-def principled(volume, density, colour, absorption=(0, 0, 0), anisotropy=0.0):
-    """A Principled Volume as an artist would add it: Density times the grid named `density`."""
+def principled(volume, density, colour, absorption=(0, 0, 0), anisotropy=0.0, emission=None, grid=None):
+    """A Principled Volume as an artist would add it: Density times the grid named `density`; Emission Color times `grid`, or even."""
     material = bpy.data.materials.new("Cloud")
     material.use_nodes = True
     tree = material.node_tree
@@ -90,6 +90,15 @@ def principled(volume, density, colour, absorption=(0, 0, 0), anisotropy=0.0):
     shader.inputs["Color"].default_value = (*(colour,) * 3, 1.0)
     shader.inputs["Absorption Color"].default_value = (*absorption, 1.0)
     shader.inputs["Anisotropy"].default_value = anisotropy
+    if emission is not None:
+        strongest = max(emission)
+        shader.inputs["Emission Color"].default_value = (*(e / strongest for e in emission), 1.0)
+        shader.inputs["Emission Strength"].default_value = strongest
+        if grid:
+            attribute, times = tree.nodes.new("ShaderNodeAttribute"), tree.nodes.new("ShaderNodeMath")
+            attribute.attribute_name, times.operation, times.inputs[1].default_value = grid, "MULTIPLY", strongest
+            tree.links.new(attribute.outputs["Fac"], times.inputs[0])
+            tree.links.new(times.outputs[0], shader.inputs["Emission Strength"])
     volume.data.materials.append(material)
     return shader
 
@@ -180,7 +189,7 @@ def stage(described):
         thing = ico(f"Ball.{i}", at=ball["centre"], subdivisions=7)
         volume = _volume(thing.data)
         thing.scale = (ball["radius"] * (4 / 3 * math.pi / volume) ** (1 / 3),) * 3
-        principled(thing, ball["sigma"], ball["albedo"], anisotropy=ball["g"])
+        principled(thing, ball["sigma"], ball["albedo"], anisotropy=ball["g"], emission=ball.get("emission"))
     if described.get("haze"):
         haze = described["haze"]
         bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0, 0, (haze["base"] + haze["top"]) / 2))
@@ -189,17 +198,17 @@ def stage(described):
         principled(thing, haze["sigma"], haze["albedo"], anisotropy=haze["g"])
     if described.get("vdb"):
         place(described["vdb"], described["voxel"], described["sigma"], described["albedo"], described["g"],
-              described.get("place"))
+              described.get("place"), described.get("flame"))
 
 
-def place(vdb, voxel, density, albedo, g, turned=None):
+def place(vdb, voxel, density, albedo, g, turned=None, flame=None):
     """A grid where OpenVDB says that it is, with its samples as they are. `turned` is the matrix in its transform, where one is."""
     volume = import_volume(vdb)
     volume.data.render.precision = "FULL"
     # Blender 4.5 takes OpenVDB's samples for the lower corners of voxels.
     back = Vector((-voxel * shift(),) * 3)
     volume.location = Matrix(turned).to_3x3() @ back if turned else back
-    principled(volume, density, albedo, anisotropy=g)
+    principled(volume, density, albedo, anisotropy=g, emission=flame, grid="flame")
     return volume
 
 
