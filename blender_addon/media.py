@@ -4,7 +4,8 @@ import json
 import math
 
 SHAPES = ("sphere", "metaball", "slab", "mesh", "surface", "vdb", "ignore")
-PRESETS = ("cumulus", "stratus", "cirrus", "haze", "smoke", "milk", "hura2006")
+PRESETS = ("cumulus", "stratus", "cirrus", "haze", "smoke", "hura2006", "milk", "skim_milk", "cream", "skin", "marble", "apple", "potato",
+           "chicken", "ketchup")
 KEY = "cloudvdb"
 
 

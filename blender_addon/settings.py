@@ -12,8 +12,16 @@ MEDIA = [
     ("cirrus", "Cirrus", "Ice: extinction 0.0005 per metre, albedo 0.9999, g 0.77. For kilometres"),
     ("haze", "Haze", "Extinction 0.0002 per metre, albedo 0.95, g 0.7. For kilometres"),
     ("smoke", "Smoke", "Extinction 1 per metre, albedo 0.6, g 0.5. For metres"),
-    ("milk", "Milk", "Extinction 2551 to 3784 per metre, albedo 0.9996, g 0.75. For centimetres"),
     ("hura2006", "Hura 2006", "The thesis's table 2: extinction 1 per metre, albedo 0.8, g 0.9"),
+    ("milk", "Milk", "Whole milk: extinction 2551 to 3784 per metre. For centimetres"),
+    ("skim_milk", "Skim Milk", "Extinction 701 to 1914 per metre. For centimetres"),
+    ("cream", "Cream", "Extinction 7380 to 3166 per metre. For centimetres"),
+    ("skin", "Skin", "Extinction 772 to 1490 per metre, albedo 0.96 in red, 0.68 in blue. For centimetres"),
+    ("marble", "Marble", "Extinction 2192 to 3007 per metre. For centimetres"),
+    ("apple", "Apple", "Its flesh: extinction 2293 to 2016 per metre. For centimetres"),
+    ("potato", "Potato", "Extinction 682 to 670 per metre. For centimetres"),
+    ("chicken", "Chicken", "Extinction 165 to 570 per metre. For centimetres"),
+    ("ketchup", "Ketchup", "Extinction 241 to 1480 per metre, albedo 0.75 in red, 0.02 in blue. For centimetres"),
     ("CUSTOM", "Custom", "Extinction, albedo and anisotropy by number"),
 ]
 DETAILS = [

@@ -294,7 +294,15 @@ impl<'a> Builder<'a> {
             false => vdb::hex(self.volumes.iter().fold(Sha256::new_with_prefix(source_hash), |all, (_, hash)| all.chain_update(hash))),
         };
         let volumes = self.volumes.into_iter().map(|(path, _)| path).collect();
-        Ok(Layout { scene: self.scene, sky: self.scene_spec.sky, embers: self.embers, findings: self.findings, notes: self.notes, source_hash, volumes })
+        Ok(Layout {
+            scene: self.scene,
+            sky: self.scene_spec.sky,
+            embers: self.embers,
+            findings: self.findings,
+            notes: self.notes,
+            source_hash,
+            volumes,
+        })
     }
 
     /// Whether anything shines by itself.

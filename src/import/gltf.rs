@@ -47,7 +47,9 @@ pub(super) fn layout(file: &Path, document: &Document, options: &ImportOptions, 
             ));
         } else if builder.shines() && options.overrides.sun.is_none() {
             builder.scene.sun.irradiance = [0.0; 3];
-            builder.notes.push("No sun (a directional light): none is assumed, what shines is the light. --sun and --irradiance give one.".into());
+            builder
+                .notes
+                .push("No sun (a directional light): none is assumed, what shines is the light. --sun and --irradiance give one.".into());
         } else if options.overrides.sun.is_none() {
             builder.notes.push("No sun (a directional light): one 45 degrees high in the south-west, 1 W/m^2, is assumed. In Blender, add a Sun and tick Punctual Lights when you export.".into());
         }

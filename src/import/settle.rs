@@ -86,7 +86,13 @@ pub(super) fn settle(
             continue;
         }
         let slab = !periodic && matches!(draft.solid, Solid::Shape(Shape::Slab { .. }));
-        let kind = Kind { albedo: albedo(&media[i]), g: media[i].g, detail: draft.detail, shining: shining(draft).map(|s| (s, media[i].sigma_t().to_bits())), slab: slab.then_some(i) };
+        let kind = Kind {
+            albedo: albedo(&media[i]),
+            g: media[i].g,
+            detail: draft.detail,
+            shining: shining(draft).map(|s| (s, media[i].sigma_t().to_bits())),
+            slab: slab.then_some(i),
+        };
         match groups.iter_mut().find(|(known, _)| *known == kind) {
             Some((_, members)) => members.push(i),
             None => groups.push((kind, vec![i])),

@@ -79,7 +79,8 @@ fn regions(path: &Path, options: &ImportOptions) -> Result<Layout> {
     }
     fill(&mut scene.regions, &open, &facts, options, &mut notes);
     scene.sun = sun(&facts, options, &mut findings, &mut notes);
-    let within: Vec<_> = scene.regions.iter().filter_map(|r| if let Shape::Grid(grid) = &r.shape { Some(Arc::clone(grid)) } else { None }).collect();
+    let within: Vec<_> =
+        scene.regions.iter().filter_map(|r| if let Shape::Grid(grid) = &r.shape { Some(Arc::clone(grid)) } else { None }).collect();
     let embers = fire::embers((path, &file), &options.fire, &within, Ok, &mut notes)?;
     for finding in findings.iter_mut().filter(|f| embers.iter().any(|e| e.name == f.node)) {
         (finding.became, finding.why) = (Became::Flame, "it was named as what shines".into());

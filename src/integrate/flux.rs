@@ -25,7 +25,7 @@ const MOST_COLLISIONS: u64 = 1 << 24;
 /// The energy balance of a scene: shares of the sunlight that meets the media. The first five add up to 1.
 ///
 /// That is what crosses a region's surface, or passes a voxel that is not empty within two voxels: `area` says how much it is.
-/// Other light does not count, nor does the sky's. Up and down go by the sign of the direction's z as it leaves. Where media or
+/// Other light does not count, nor does that of the sky, of lamps and of flames. Up and down go by the sign of the direction's z as it leaves. Where media or
 /// surfaces are coloured, shares are of luminance.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Flux {

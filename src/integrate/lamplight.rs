@@ -1,6 +1,7 @@
 //! Light of lamps at the events of a path: one of them is looked at from each.
 
 use super::band::Band;
+use super::sunlight::past;
 use crate::geom::Ray;
 use crate::media::Scratch;
 use crate::rng::Rng;
@@ -33,10 +34,10 @@ impl Lamplight {
         }
         let Some(look) = Lamp::look(&self.0, p, rng) else { return Vec3::ZERO };
         let light = look.light * sent(look.toward) as f32;
-        let ray = Ray { origin: p, direction: look.toward };
-        if light == Vec3::ZERO || (!surfaces.is_empty() && surfaces.nearest(&ray, look.distance).is_some()) {
-            return Vec3::ZERO;
+        let light = if light == Vec3::ZERO { light } else { light * past(band, surfaces, p, look.toward, look.distance) };
+        if light == Vec3::ZERO {
+            return light;
         }
-        light * band.air.transmittance(&ray, look.distance) * band.media.clear(&ray, look.distance, rng, scratch) as f32
+        light * band.media.clear(&Ray { origin: p, direction: look.toward }, look.distance, rng, scratch) as f32
     }
 }

@@ -301,7 +301,8 @@ impl Channel {
             if !tracer.fire.is_empty() {
                 let Room { scratch, before, own, .. } = room;
                 tracer.bands[0].media.profile(&ray, end, OPAQUE, scratch, before);
-                arrival.light[layer.beside(Layer::VolumeDirect) as usize] += throughput * tracer.fire_along(&ray, end, before, scratch, own);
+                arrival.light[layer.beside(Layer::VolumeDirect) as usize] +=
+                    throughput * tracer.fire_along(&ray, end, before, scratch, own);
             }
             throughput *= stretch.clear as f32;
             let Some(hit) = hit else {

@@ -87,7 +87,8 @@ impl Sunlight {
         if cos <= 0.0 {
             return Vec3::ZERO;
         }
-        let clear = if shaded { visible(band, surfaces, p, toward, cos, rng, scratch) } else { past(band, surfaces, p, toward) };
+        let clear =
+            if shaded { visible(band, surfaces, p, toward, cos, rng, scratch) } else { past(band, surfaces, p, toward, f32::INFINITY) };
         self.irradiance * clear * (cos * FRAC_1_PI * weight)
     }
 
@@ -133,13 +134,13 @@ impl Sunlight {
 /// The share of light, by channel, that arrives at `p` from direction `toward`, far away; an unbiased estimate. `weight` as in
 /// [`Media::sunlight`](crate::media::Media::sunlight).
 pub(super) fn visible(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3, weight: f32, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
-    let clear = past(band, surfaces, p, toward);
+    let clear = past(band, surfaces, p, toward, f32::INFINITY);
     if clear == Vec3::ZERO { clear } else { clear * band.media.sunlight(p, toward, weight, rng, scratch) as f32 }
 }
 
-/// The share that surfaces and air let pass, by channel.
-fn past(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3) -> Vec3 {
+/// The share that surfaces and air let pass over a distance, m, by channel.
+pub(super) fn past(band: &Band, surfaces: &TriMesh, p: Vec3, toward: Vec3, distance: f32) -> Vec3 {
     let ray = Ray { origin: p, direction: toward };
-    let hidden = !surfaces.is_empty() && surfaces.nearest(&ray, f32::INFINITY).is_some();
-    if hidden { Vec3::ZERO } else { band.air.transmittance(&ray, f32::INFINITY) }
+    let hidden = !surfaces.is_empty() && surfaces.nearest(&ray, distance).is_some();
+    if hidden { Vec3::ZERO } else { band.air.transmittance(&ray, distance) }
 }

@@ -11,6 +11,20 @@ pub struct Medium {
     pub g: f64,
 }
 
+/// Jensen, Marschner, Levoy and Hanrahan (2001), table 1, per millimetre: the reduced scattering coefficient and the absorption coefficient of
+/// red, green and blue light. Of two kinds of skin and of chicken, the first.
+const MEASURED: [(&str, [f64; 3], [f64; 3]); 9] = [
+    ("milk", [2.55, 3.21, 3.77], [0.0011, 0.0024, 0.014]),
+    ("skim_milk", [0.70, 1.22, 1.90], [0.0014, 0.0025, 0.0142]),
+    ("cream", [7.38, 5.47, 3.15], [0.0002, 0.0028, 0.0163]),
+    ("skin", [0.74, 0.88, 1.01], [0.032, 0.17, 0.48]),
+    ("marble", [2.19, 2.62, 3.00], [0.0021, 0.0041, 0.0071]),
+    ("apple", [2.29, 2.39, 1.97], [0.0030, 0.0034, 0.046]),
+    ("potato", [0.68, 0.70, 0.55], [0.0024, 0.0090, 0.12]),
+    ("chicken", [0.15, 0.21, 0.38], [0.015, 0.077, 0.19]),
+    ("ketchup", [0.18, 0.07, 0.03], [0.061, 0.97, 1.45]),
+];
+
 /// The luminance of linear RGB (Rec. 709 primaries): how a colour becomes one number for grey transport.
 pub fn luminance(rgb: [f64; 3]) -> f64 {
     // Written so that a grey colour gives back exactly its own value.
@@ -28,10 +42,11 @@ impl Medium {
         Medium::grey(sigma_t * albedo, sigma_t * (1.0 - albedo), g)
     }
 
-    /// A preset by its name: `cumulus`, `stratus`, `cirrus`, `haze`, `smoke`, `milk`, `hura2006`.
+    /// A preset by its name, one of [`Medium::PRESETS`].
     ///
     /// Clouds of water: albedo 0.9999 and g 0.86 in the visible, sigma_t 10 to 120 per km at effective radii of
-    /// 5 to 15 um. `milk` is whole milk (Jensen et al. 2001, table 1, per metre). `hura2006` is the thesis's table 2.
+    /// 5 to 15 um. `hura2006` is the thesis's table 2. Translucent solids and liquids are those of [`MEASURED`]: per metre, with g 0, because
+    /// what was measured is scattering reduced by its mean cosine, sigma_s (1 - g).
     pub fn preset(name: &str) -> Option<Self> {
         Some(match name {
             "cumulus" => Medium::with_albedo(0.06, 0.9999, 0.86),
@@ -39,14 +54,32 @@ impl Medium {
             "cirrus" => Medium::with_albedo(0.0005, 0.9999, 0.77),
             "haze" => Medium::with_albedo(0.0002, 0.95, 0.7),
             "smoke" => Medium::with_albedo(1.0, 0.6, 0.5),
-            "milk" => Medium { sigma_s: [2550.0, 3210.0, 3770.0], sigma_a: [1.1, 2.4, 14.0], g: 0.75 },
             "hura2006" => Medium::grey(0.8, 0.2, 0.9),
-            _ => return None,
+            _ => {
+                let (_, reduced, sigma_a) = MEASURED.into_iter().find(|(known, ..)| *known == name)?;
+                Medium { sigma_s: reduced.map(|s| 1e3 * s), sigma_a: sigma_a.map(|a| 1e3 * a), g: 0.0 }
+            }
         })
     }
 
     /// The names that [`Medium::preset`] knows.
-    pub const PRESETS: [&str; 7] = ["cumulus", "stratus", "cirrus", "haze", "smoke", "milk", "hura2006"];
+    pub const PRESETS: [&str; 15] = [
+        "cumulus",
+        "stratus",
+        "cirrus",
+        "haze",
+        "smoke",
+        "hura2006",
+        "milk",
+        "skim_milk",
+        "cream",
+        "skin",
+        "marble",
+        "apple",
+        "potato",
+        "chicken",
+        "ketchup",
+    ];
 
     /// Extinction as one number, 1/m: the luminance of sigma_s + sigma_a.
     pub fn sigma_t(&self) -> f64 {

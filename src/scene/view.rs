@@ -64,7 +64,7 @@ impl View {
         if scene.camera.is_none() && self.position.is_none() {
             notes.push("No camera is given: one is placed that frames the regions. Say otherwise with --camera and --look-at.".into());
         }
-        let bounds = scene.region_bounds();
+        let bounds = scene.flames.iter().fold(scene.region_bounds(), |bounds, flame| bounds.union(flame.shape.bounds()));
         let there = || {
             scene.camera.unwrap_or_else(|| {
                 let endless = scene.regions.iter().any(|r| r.shape.is_endless());

@@ -106,7 +106,7 @@ def each_flag_is_one_that_the_command_takes(folder):
     own = scene.cloudvdb_settings
     for name in ("density", "model", "placement", "medium", "detail"):
         for item in own.bl_rna.properties[name].enum_items:
-            if item.identifier in ("milk", "cirrus", "haze"):
+            if item.identifier in ("cirrus", "haze") or "centimetres" in item.description:
                 continue  # too dense or too thin for this ball; their names are the command's own all the same
             before = getattr(own, name)
             setattr(own, name, item.identifier)
