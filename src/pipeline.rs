@@ -11,7 +11,6 @@ use crate::progress::{Progress, agreed};
 use crate::regions::Duality;
 use crate::scene::Region;
 use account::{closed, light, metadata, opening};
-use crew::leads;
 use format::Targets;
 use std::path::PathBuf;
 
@@ -64,7 +63,7 @@ pub struct Job {
 /// Everything in [`crate::Error`]; nothing is written then.
 pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     let mut clock = Clock::start();
-    let writes = leads(progress);
+    let writes = progress.leads();
     let targets = Targets::of(job, writes)?;
     progress.begin("import", 1);
     let layout = import::load(&job.input, &job.import, progress)?;

@@ -2,7 +2,7 @@
 //! decides again later: what is off is taken out of the scene ([`Plan::scene`]), or asked of the plan ([`Plan::on`]).
 
 use crate::scene::medium::luminance;
-use crate::scene::{Air, Medium, Region, Scene, Sun, Surface};
+use crate::scene::{Air, Medium, Region, Scene, Sun, Surface, Wishes};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -63,7 +63,8 @@ impl Plan {
     /// photons meet.
     pub fn for_scene(scene: &Scene, density: Density) -> Plan {
         let wishes = scene.wishes;
-        let (multiple, orders) = rules::multiple_scattering(scene, wishes.tolerance);
+        // Half of what may be left out is for orders of scattering that are cut off.
+        let (multiple, orders) = rules::multiple_scattering(scene, 0.5 * wishes.tolerance);
         let found = [
             (EffectName::MultipleScattering, multiple),
             (EffectName::Absorption, rules::absorption(scene)),
@@ -80,7 +81,8 @@ impl Plan {
             (EffectName::Colour, rules::colour(scene)),
             (EffectName::Duality, rules::duality(scene, density)),
         ];
-        let effects: Vec<Effect> = found.into_iter().map(|(name, found)| decide(name, found, scene, density)).collect();
+        let mut effects: Vec<Effect> = found.into_iter().map(|(name, found)| decide(name, found, scene, density)).collect();
+        limit(&mut effects, &wishes, if orders.is_some_and(|orders| orders > 1) { 0.5 } else { 1.0 } * wishes.tolerance);
         let multiple = effects.iter().any(|e| e.name == EffectName::MultipleScattering && e.on);
         let forced = wishes.forced(EffectName::MultipleScattering) == Some(true);
         let orders = match density {
@@ -133,6 +135,24 @@ impl Plan {
     }
 }
 
+/// Turns effects on again, the largest first, until what all that are off without a wish may change is within `most` together.
+fn limit(effects: &mut [Effect], wishes: &Wishes, most: f64) {
+    let wished = |e: &Effect| wishes.forced(e.name).is_some();
+    let mut off: Vec<&mut Effect> = effects.iter_mut().filter(|e| !e.on && e.bound > 0.0 && !wished(e)).collect();
+    off.sort_by(|a, b| a.bound.total_cmp(&b.bound));
+    let mut sum = 0.0;
+    for effect in off {
+        sum += effect.bound;
+        if sum > most {
+            effect.on = true;
+            effect.reason = effect.reason.replace(LESS, "; with what else is left out it would be more than the tolerance");
+        }
+    }
+}
+
+/// How the reason of an effect ends that changes too little.
+const LESS: &str = "; less than the tolerance";
+
 /// On where there is any of it and it changes more than the tolerance, or where the user says so.
 fn decide(name: EffectName, found: Finding, scene: &Scene, density: Density) -> Effect {
     let Finding { there, figure, bound, mut reason } = found;
@@ -142,7 +162,7 @@ fn decide(name: EffectName, found: Finding, scene: &Scene, density: Density) -> 
     let called_for = there && (bound > scene.wishes.tolerance || kept);
     let on = there && wish.unwrap_or(called_for);
     if there && !on {
-        reason += if wish.is_some() { "; off by --effect" } else { "; less than the tolerance" };
+        reason += if wish.is_some() { "; off by --effect" } else { LESS };
     } else if on && !called_for {
         reason += "; on by --effect";
     }

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 mod crew;
 mod parcel;
 
-pub use crew::{Crew, Spent, Taker, Work, agreed, share, tally};
+pub use crew::{Crew, Spent, Taker, Work, agreed, meet, share, tally};
 pub use parcel::{Parcel, Parcels, put};
 
 /// Watches the stages of a run. The core prints nothing and reads no clock: whoever runs it does.
@@ -23,6 +23,10 @@ pub trait Progress: Sync {
     /// Who works at the run together; `None` where one process works at it alone.
     fn crew(&self) -> Option<&dyn Crew> {
         None
+    }
+    /// Whether this process writes files and speaks: the one that works alone, or that leads those who work together.
+    fn leads(&self) -> bool {
+        self.crew().is_none_or(Crew::leads)
     }
     /// A forecast: the relative error that the picture will have, and how many seconds it takes from now on.
     fn expects(&self, _error: f64, _seconds: f64) {}

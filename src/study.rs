@@ -13,7 +13,7 @@ use crate::integrate::photon::Gathering;
 use crate::photon::Model;
 use crate::pipeline::check_gather;
 use crate::plan::Density;
-use crate::progress::Progress;
+use crate::progress::{Progress, meet};
 use files::{Files, names};
 use one::{Given, How, count, take};
 use serde::Serialize;
@@ -121,11 +121,9 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
     progress.begin("import", 1);
     let given = load(&job.inputs, progress)?;
     let parts = chosen(job, &given)?;
-    if let Some(crew) = progress.crew() {
-        let hashes: Vec<&str> = given.iter().map(|given| given.layout.source_hash.as_str()).collect();
-        crew.meet(&format!("{job:?} {hashes:?}"), progress)?;
-    }
-    let leads = progress.crew().is_none_or(|crew| crew.leads());
+    let hashes: Vec<&str> = given.iter().map(|given| given.layout.source_hash.as_str()).collect();
+    meet(|| format!("{job:?} {hashes:?}"), progress)?;
+    let leads = progress.leads();
     let files = if leads { Files::of(job, &parts)? } else { None };
     let mut findings = Findings { model: job.model, seed: job.seed, tests: Vec::new(), savings: Vec::new(), seconds: 0.0 };
     let mut pictures = Vec::new();

@@ -78,7 +78,7 @@ def main():
             layout(glb, vdb, corner, sun, **fire)
             pictures.append(str(folder / f"{name}.png"))
             subprocess.run([str(ROOT / "target/release/cloudvdb"), str(glb), "-o", pictures[-1], "--density", "source", "--size", "360x480",
-                            "--spp", "64", "--photons", "4M", "--exposure", exposure], check=True)
+                            "--spp", "24", "--photons", "2M", "--exposure", exposure], check=True)
         subprocess.run(["convert", *pictures, "+append", "-colors", "255", str(ROOT / "scenes/gallery/fire.png")], check=True)
 
 

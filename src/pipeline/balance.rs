@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::import::{self, ImportOptions};
 use crate::integrate::flux::{self, Flux};
 use crate::plan::{Density, Plan};
-use crate::progress::Progress;
+use crate::progress::{Progress, meet};
 use crate::regions::Duality;
 use crate::stats::Estimate;
 use serde::Serialize;
@@ -54,9 +54,7 @@ pub fn balance(job: &BalanceJob, progress: &dyn Progress) -> Result<Balance> {
     let begun = Instant::now();
     progress.begin("import", 1);
     let mut scene = import::load(&job.input, &job.import, progress)?;
-    if let Some(crew) = progress.crew() {
-        crew.meet(&format!("{job:?} {}", scene.source_hash), progress)?;
-    }
+    meet(|| format!("{job:?} {}", scene.source_hash), progress)?;
     let named = |e: crate::Error| e.of_file(&job.input);
     if job.density == Density::Duality {
         let duality = Duality { seed: job.seed, ..Duality::default() };

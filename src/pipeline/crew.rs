@@ -3,22 +3,16 @@
 use super::Job;
 use crate::error::Result;
 use crate::import::Layout;
-use crate::progress::{Progress, Spent};
+use crate::progress::{self, Progress, Spent};
 use std::path::PathBuf;
-
-/// Whether this process writes the files: of several ranks one does.
-pub(super) fn leads(progress: &dyn Progress) -> bool {
-    progress.crew().is_none_or(|crew| crew.leads())
-}
 
 /// All ranks say what they work at: the same version, scene and settings. Where files go, and under which name, is nobody's matter; which
 /// files there are says what is to be done.
 pub(super) fn meet(job: &Job, layout: &Layout, progress: &dyn Progress) -> Result<()> {
-    let Some(crew) = progress.crew() else { return Ok(()) };
     let kinds = job.outputs.iter().map(|o| PathBuf::from(o.extension().unwrap_or_default())).collect();
     let settings = Job { input: PathBuf::new(), outputs: kinds, overwrite: false, ..job.clone() };
     let (version, scene) = (env!("CARGO_PKG_VERSION"), &layout.scene);
-    crew.meet(&format!("{version} {} {settings:?} {:?}", layout.source_hash, scene.optical_mass()), progress)
+    progress::meet(|| format!("{version} {} {settings:?} {:?}", layout.source_hash, scene.optical_mass()), progress)
 }
 
 /// What working together has taken.

@@ -88,6 +88,30 @@ fn wishes_come_first() {
     assert!(matches!(Plan::for_scene(&scene, Density::Source).scene(&scene), Cow::Borrowed(_)), "nothing is left out, nothing is copied");
 }
 
+/// Effects that each change little are left out as long as all of them together do.
+#[test]
+fn what_is_left_out_together_is_less_than_the_tolerance() {
+    let mut scene = scene(5.0);
+    scene.regions.iter_mut().for_each(|r| r.medium = Medium::with_albedo(2e-4, 0.9996, 0.0002));
+    let off = |tolerance: f64| {
+        let mut scene = scene.clone();
+        scene.wishes.tolerance = tolerance;
+        let plan = Plan::for_scene(&scene, Density::Source);
+        let left: Vec<Effect> = plan.effects.into_iter().filter(|e| !e.on && e.bound > 0.0).collect();
+        let sum: f64 = left.iter().map(|e| e.bound).sum();
+        assert!(sum <= tolerance, "{sum} of {tolerance}");
+        (left.len(), left.iter().map(|e| e.bound).fold(0.0, f64::max), sum)
+    };
+    let (all, largest, sum) = off(0.02);
+    assert!(all >= 3 && sum > 1.2 * largest, "{all} {largest} {sum}");
+    // Each by itself would be less than this.
+    let (fewer, ..) = off(0.5 * (largest + sum));
+    assert!(fewer < all);
+    // Of a wish nobody asks how large it is.
+    scene.wishes = scene.wishes.with(EffectName::Absorption, Some(false));
+    assert!(!on(&scene, EffectName::Absorption));
+}
+
 /// On the dark side of a thick ball light has scattered so often that a little absorption shows (measured: 0.3 % at optical depth 60 and an
 /// albedo of 0.999995); under a roof there is no first order to compare with.
 #[test]

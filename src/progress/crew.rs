@@ -73,6 +73,14 @@ pub struct Spent {
     pub seconds: f64,
 }
 
+/// Where several processes work together, says what this one works at.
+///
+/// # Errors
+/// Those of [`Crew::meet`].
+pub fn meet(at: impl FnOnce() -> String, progress: &dyn Progress) -> Result<()> {
+    progress.crew().map_or(Ok(()), |crew| crew.meet(&at(), progress))
+}
+
 /// What came of items, in their order: done by the threads of this process, and by all ranks where there are more. `told` hears how
 /// many are done.
 ///

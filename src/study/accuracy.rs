@@ -21,7 +21,7 @@ use crate::import::{self, ImportOptions};
 use crate::integrate::Integrator;
 use crate::photon::Model;
 use crate::pipeline::{self, Picture};
-use crate::progress::{Progress, agreed};
+use crate::progress::{Progress, agreed, meet};
 use crate::regions::Duality;
 use crate::scene::{Framed, Scene, View};
 use std::borrow::Cow;
@@ -87,11 +87,9 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
     let view = sized(&job.view, WIDE[quick], &layout.scene).map_err(|e| e.of_file(&job.input))?;
     let framed = view.frame(&layout.scene).map_err(|e| e.of_file(&job.input))?;
     let stage = Stage { scene: &layout.scene, framed: &framed, view };
-    if let Some(crew) = progress.crew() {
-        crew.meet(&format!("{job:?} {}", layout.source_hash), progress)?;
-    }
+    meet(|| format!("{job:?} {}", layout.source_hash), progress)?;
     // Of several ranks one keeps the pictures, and the others help to make them.
-    let leads = progress.crew().is_none_or(|crew| crew.leads());
+    let leads = progress.leads();
     let mut store = if leads { Some(Store::open(job, &layout.source_hash, &stage)?) } else { None };
     let spp = job.reference.unwrap_or(REFERENCE[quick]).into();
     let reference = Setting { integrator: Integrator::Path, work: spp, change: None };

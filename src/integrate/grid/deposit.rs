@@ -75,7 +75,7 @@ pub(super) fn gather(
             light.par_iter_mut().enumerate().for_each(|(place, light)| light[group] += (deposits.take(place, class, 0) * unit) as f32);
         }
         // Red and blue are those of all groups: one rank keeps them until the last, so that they count once.
-        let keeps = group + 1 == GROUPS || progress.crew().is_none_or(|crew| crew.leads());
+        let keeps = group + 1 == GROUPS || progress.leads();
         deposits.sums.par_iter_mut().step_by(if keeps { channels } else { 1 }).for_each(|sum| *sum.get_mut() = 0);
     }
     for (class, colour) in into.colour.iter_mut().enumerate() {

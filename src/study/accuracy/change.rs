@@ -3,7 +3,7 @@
 use super::Setting;
 use crate::error::Result;
 use crate::export::vdb::{GridName, VdbOptions, Voxels};
-use crate::integrate::Integrator;
+use crate::integrate::{Integrator, photon::PhotonSettings};
 use crate::progress::Progress;
 use crate::scene::{Medium, Region, Scene, Shape, VoxelGrid};
 use crate::voxelise::{Up, voxel_size};
@@ -26,8 +26,6 @@ pub enum Change {
 const ESTIMATES: [&[f64]; 2] = [&[0.25, 4.0], &[4.0]];
 const STEPS: [&[f64]; 2] = [&[0.2, 5.0], &[5.0]];
 const SIZES: [&[f64]; 2] = [&[1.0, 2.0, 4.0], &[1.0, 4.0]];
-/// The usual step.
-const STEP: f64 = 0.1;
 /// The most voxels.
 const MOST: u64 = 30_000_000;
 
@@ -39,7 +37,7 @@ impl Change {
             Integrator::Path => Vec::new(),
             Integrator::Photon => {
                 let estimates = ESTIMATES[quick].iter().map(|by| Change::Estimate(((work as f64).sqrt() * by).round().max(1.0) as u64));
-                estimates.chain(STEPS[quick].iter().map(|by| Change::Step(STEP * by))).collect()
+                estimates.chain(STEPS[quick].iter().map(|by| Change::Step(PhotonSettings::default().step * by))).collect()
             }
             Integrator::Grid => {
                 let usual = voxel_size(&scene.regions, None, MOST).ok().filter(|_| one_medium(&scene.regions).is_some());
