@@ -37,9 +37,8 @@ def picture(scene, flags, folder, name):
                            *flags], cwd=ROOT, check=True, stdout=subprocess.PIPE)
     told = json.loads(done.stdout)
     with OpenEXR.File(str(exr), separate_channels=True) as file:
-        channels = file.channels()
-        (red, green, blue) = (next(np.array(c.pixels, np.float64) for n, c in channels.items() if n.endswith(f"Combined.{k}")) for k in "RGB")
-    return png, np.stack([red, green, blue]), told["seconds"]["render"], {e["name"]: e for e in told["plan"]["effects"]}
+        light = np.stack([np.array(file.channels()[c].pixels, np.float64) for c in "RGB"])
+    return png, light, told["seconds"]["render"], {e["name"]: e for e in told["plan"]["effects"]}
 
 
 def main():

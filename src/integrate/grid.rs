@@ -245,7 +245,8 @@ impl Channel {
             }
             if !tracer.fire.is_empty() {
                 let Room { scratch, profile, own } = room;
-                let sent = tracer.fire_along(&ray, hit.map_or(reach, |h| h.t), profile, scratch, own);
+                let near = if first { f32::INFINITY } else { tracer.fire.near_surface() };
+                let sent = tracer.fire_along(&ray, hit.map_or(reach, |h| h.t).min(near), profile, scratch, own);
                 arrival.light[layer.beside(Layer::VolumeDirect) as usize] += throughput * sent;
             }
             throughput *= stretch.clear * tracer.bands[0].air.transmittance(&ray, hit.map_or(reach, |h| h.t));

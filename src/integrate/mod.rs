@@ -2,6 +2,7 @@
 
 mod band;
 mod emission;
+mod firelight;
 pub mod flux;
 mod grid;
 mod lamplight;

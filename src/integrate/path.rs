@@ -6,6 +6,7 @@
 //! it keeps balance in the mean.
 
 use super::band::{Band, bands};
+use super::firelight;
 use super::lamplight::Lamplight;
 use super::lens::View;
 use super::skylight::Skylight;
@@ -80,6 +81,8 @@ impl PathTracer {
         // The density with which the last event drew this direction; the camera's is the only one.
         let mut own = f64::INFINITY;
         let mut spectrum = Spectrum::draw(&band.air, rng);
+        // Within what distance flights find flames: the last event has looked at others.
+        let mut near = f32::INFINITY;
         loop {
             let tau = rng.optical_depth();
             let flight = band.media.fly(&ray, reach, tau, hint, rng, scratch);
@@ -90,7 +93,7 @@ impl PathTracer {
                 in_air = band.air.fly(&ray, free, &spectrum, rng);
             }
             if !self.fire.is_empty() {
-                let reach = in_air.map_or(free, |(distance, _)| distance);
+                let reach = in_air.map_or(free, |(distance, _)| distance).min(near);
                 arrival.light[layer.beside(Layer::VolumeDirect) as usize] +=
                     throughput * self.fire_of_flight(band, spectrum, &ray, reach, rng, scratch);
             }
@@ -108,6 +111,9 @@ impl PathTracer {
                 let sent = |toward| air.scattering.value(one_minus_cos(before, toward));
                 arrival.light[layer as usize] += throughput * self.sky.look(band, &self.surfaces, ray.origin, sent, rng, scratch);
                 arrival.light[layer as usize] += throughput * self.lamps_in_air(band, &ray, air, rng, scratch);
+                near = self.fire.near(ray.origin);
+                arrival.light[layer as usize] +=
+                    throughput * firelight::look(&self.fire, band, &self.surfaces, (ray.origin, near), sent, rng, scratch);
                 let (cos, sin) = air.scattering.sample(rng.uniform());
                 ray.direction = around(before, cos as f32, sin as f32, rng.uniform_f32());
                 own = if self.sky.peaked() { sent(ray.direction) } else { own };
@@ -125,7 +131,7 @@ impl PathTracer {
                 arrival.light[layer as usize] += throughput * self.sky_on_surface(band, p, &hit, rng, scratch);
                 ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
                 own = cosine_hemisphere_pdf(ray.direction.dot(hit.normal)).into();
-                (hint, share) = (0.0, 1.0);
+                (hint, share, near) = (0.0, 1.0, self.fire.near_surface());
             } else if let Flight::Collision { distance, region, sigma_t } = flight {
                 order += 1;
                 if order > self.orders {
@@ -147,8 +153,11 @@ impl PathTracer {
                     arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * light;
                 }
                 let before = ray.direction;
+                let sent = |toward| henyey_greenstein(g, one_minus_cos(before, toward));
+                near = self.fire.near(ray.origin);
+                arrival.light[layer as usize] +=
+                    throughput * firelight::look(&self.fire, band, &self.surfaces, (ray.origin, near), sent, rng, scratch);
                 if self.sky.peaked() {
-                    let sent = |toward| henyey_greenstein(g, one_minus_cos(before, toward));
                     arrival.light[layer as usize] += throughput * self.sky.look(band, &self.surfaces, ray.origin, sent, rng, scratch);
                 }
                 let (cos, sin) = sample_henyey_greenstein(g, rng.uniform());
@@ -178,7 +187,8 @@ impl PathTracer {
     pub(super) fn on_surface(&self, band: &Band, p: Vec3, hit: &Hit, rng: &mut Rng, scratch: &mut Scratch) -> Vec3 {
         let sent = |toward: Vec3| cosine_hemisphere_pdf(toward.dot(hit.normal)).into();
         let lamps = self.lamps.look(band, &self.surfaces, p, sent, rng, scratch);
-        lamps + self.sun.on_surface(band, &self.surfaces, (p, self.shades), hit, rng, scratch)
+        let fire = firelight::look(&self.fire, band, &self.surfaces, (p, self.fire.near_surface()), sent, rng, scratch);
+        lamps + fire + self.sun.on_surface(band, &self.surfaces, (p, self.shades), hit, rng, scratch)
     }
 
     /// What of the sky's light a white surface sends out from `p` (radiance) that looks find.

@@ -299,10 +299,11 @@ impl Channel {
                 };
             }
             if !tracer.fire.is_empty() {
+                let near = if first { f32::INFINITY } else { tracer.fire.near_surface() };
                 let Room { scratch, before, own, .. } = room;
                 tracer.bands[0].media.profile(&ray, end, OPAQUE, scratch, before);
                 arrival.light[layer.beside(Layer::VolumeDirect) as usize] +=
-                    throughput * tracer.fire_along(&ray, end, before, scratch, own);
+                    throughput * tracer.fire_along(&ray, end.min(near), before, scratch, own);
             }
             throughput *= stretch.clear as f32;
             let Some(hit) = hit else {

@@ -1,15 +1,34 @@
 //! What shines by itself, as rays see it.
 
 use super::{Media, Profile, Scratch};
-use crate::geom::Ray;
+use crate::geom::{Bounds, Ray};
+use crate::rng::Rng;
+use crate::scene::medium::luminance;
 use crate::scene::{Region, Scene};
+use body::Body;
 use glam::{DVec3, Vec3};
+use std::f64::consts::PI;
+
+mod body;
+
+/// Surfaces look at flames that are farther than this part of their size, and find what is nearer by chance.
+const NEAR: f32 = 0.25;
+/// What scatters looks at flames where it is outside so many times the ball around them all.
+const OUTSIDE: f32 = 1.5;
 
 /// All flames of a scene, compiled: as media whose extinction is what they emit, W m^-3 sr^-1.
 #[derive(Debug, Clone, Default)]
 pub struct Fire {
     /// One where all have the same colour, which stands beside it; else a channel each.
     parts: Vec<(Media, Vec3)>,
+    bodies: Vec<Body>,
+    /// Up to and with each body, W.
+    powers: Vec<f64>,
+    /// The ball around all, and how large they are, by their power, m.
+    centre: Vec3,
+    radius: f32,
+    size: f32,
+    origin: DVec3,
 }
 
 impl Fire {
@@ -29,13 +48,51 @@ impl Fire {
         } else {
             (0..3).map(|c| (channel(c), Vec3::AXES[c])).collect()
         };
-        Fire { parts }
+        let (mut bodies, mut powers, mut power, mut size) = (Vec::new(), Vec::new(), 0.0, 0.0);
+        for flame in scene.flames.iter().filter(|flame| flame.power() > 0.0) {
+            let Some(body) = Body::of(&flame.shape, origin) else { continue };
+            power += flame.power();
+            size += flame.power() * 0.5 * flame.shape.bounds().size().length();
+            bodies.push(body);
+            powers.push(power);
+        }
+        let bounds = scene.flames.iter().fold(Bounds::EMPTY, |all, flame| all.union(flame.shape.bounds()));
+        let centre = (bounds.centre() - origin).as_vec3();
+        let radius = 0.5 * bounds.size().length() as f32;
+        Fire { parts, bodies, powers, centre, radius, size: (size / power.max(f64::MIN_POSITIVE)) as f32, origin }
+    }
+
+    /// What all of it sends out, W, as a luminance.
+    pub fn power(&self) -> f64 {
+        self.powers.last().copied().unwrap_or(0.0)
+    }
+
+    /// A point of it, drawn by what shines there as a luminance, and all of its light with the colour that it has there, W/sr, by channel.
+    pub fn sample(&self, rng: &mut Rng) -> (Vec3, Vec3) {
+        let drawn = rng.uniform() * self.power();
+        let number = self.powers.partition_point(|&sum| sum <= drawn).min(self.bodies.len() - 1);
+        let p = (self.bodies[number].sample(rng, self.origin) - self.origin).as_vec3();
+        // All bodies together are drawn by what they emit: so it does not matter which of them this point is of.
+        let light = self.at(p);
+        let grey = luminance(light.as_dvec3().to_array()) as f32;
+        let tint = if grey > 0.0 { light / grey } else { Vec3::ONE };
+        (p, tint * (self.power() / (4.0 * PI)) as f32)
+    }
+
+    /// Within what distance a flight from a surface finds flames itself, m; those beyond are looked at.
+    pub fn near_surface(&self) -> f32 {
+        if self.is_empty() { f32::INFINITY } else { NEAR * self.size }
+    }
+
+    /// The same of a flight from where light scatters; without end where nothing shines.
+    pub fn near(&self, p: Vec3) -> f32 {
+        if !self.is_empty() && self.centre.distance(p) > OUTSIDE * self.radius { 0.0 } else { f32::INFINITY }
     }
 
     /// Whether nothing shines.
     #[inline]
     pub fn is_empty(&self) -> bool {
-        self.parts.is_empty()
+        self.bodies.is_empty()
     }
 
     /// The emission coefficient at a point, W m^-3 sr^-1.

@@ -184,3 +184,25 @@ fn flames_light_the_ground_and_what_is_over_it() {
         assert!((path[c] - voxels[c]).abs() < 4.0 * se[c].hypot(noise[c]) + 0.01 * path[c] && se[c] < 0.02 * path[c]);
     }
 }
+
+/// Far from a small flame, light scatters and surfaces reflect it by looks at it; the means are those of photons.
+#[test]
+fn a_far_small_flame_lights_a_cloud_and_the_ground() {
+    let corner = |x: f64, y: f64| DVec3::new(x * 30.0, y * 30.0, -1.5);
+    let vertices = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+    let ground = Surface { name: "ground".into(), mesh: Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] }, albedo: [0.5; 3] };
+    let cloud = region(Shape::sphere(DVec3::ZERO, 1.0), Medium::with_albedo(3.0, 0.98, 0.7));
+    let flame = shining(&Shape::sphere(DVec3::new(6.0, 3.0, 1.0), 0.2), [3000.0, 1000.0, 200.0]);
+    let scene = Scene { regions: vec![cloud], surfaces: vec![ground], flames: vec![flame], ..dark() };
+    let camera = Camera::look_at(DVec3::new(0.0, -8.0, 1.0), DVec3::ZERO, 0.5).unwrap();
+    let mean = |integrator: Integrator, spp: u32, seed: u64| {
+        let picture = picture(&scene, &camera, integrator, spp, 60_000, seed);
+        std::array::from_fn(|c| picture.film.pixels.iter().map(|p| f64::from(p.combined()[c])).sum::<f64>())
+    };
+    let (path, se) = over(6, |seed| mean(Integrator::Path, 16, seed));
+    let (voxels, noise) = over(4, |seed| mean(Integrator::Grid, 8, seed));
+    for c in 0..3 {
+        println!("{c}: path {:.4} +- {:.4}, grid {:.4} +- {:.4}", path[c], se[c], voxels[c], noise[c]);
+        assert!((path[c] - voxels[c]).abs() < 4.0 * se[c].hypot(noise[c]) + 0.01 * path[c] && se[c] < 0.01 * path[c]);
+    }
+}

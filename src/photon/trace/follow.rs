@@ -64,7 +64,7 @@ impl Tracer {
 
     /// What lamps and flames send out, W.
     fn near_powers(&self) -> [f64; 2] {
-        [self.lamps.as_ref().map_or(0.0, |lamps| lamps.power), self.flames.as_ref().map_or(0.0, |flames| flames.power)]
+        [self.lamps.as_ref().map_or(0.0, |lamps| lamps.power), self.flames.as_ref().map_or(0.0, |flames| flames.power())]
     }
 
     /// The shares of the others that start at lamps and in flames: of a sample no kind has few; else all have the same power.
