@@ -1,6 +1,6 @@
 """`effects.png`: each effect on and off, and the table of the README: `.venv/bin/python -I scenes/gallery/effects.py` (after `make build`).
 
-Needs ImageMagick. A picture a line: above as the plan has it, below with `--effect NAME=off`. Seconds are of the renders alone, one after the
+Needs ImageMagick. A column an effect, in the table's order: above as the plan has it, below with `--effect NAME=off`. Seconds are of the renders alone, one after the
 other in one run; the bound is the plan's, what was found is the difference of the two pictures' means over the mean.
 """
 import json
@@ -33,12 +33,12 @@ LINES = [
 def picture(scene, flags, folder, name):
     """Renders; returns the PNG, the mean radiance, the seconds and the plan."""
     png, exr = folder / f"{name}.png", folder / f"{name}.exr"
-    done = subprocess.run([COMMAND, scene, "-o", png, "-o", exr, "--json", "-q", "--density", "source", "--size", "240x180", "--spp", "64",
+    done = subprocess.run([COMMAND, scene, "-o", png, "-o", exr, "--json", "-q", "--density", "source", "--size", "200x150", "--spp", "16", "--photons", "500k",
                            *flags], cwd=ROOT, check=True, stdout=subprocess.PIPE)
     told = json.loads(done.stdout)
     with OpenEXR.File(str(exr), separate_channels=True) as file:
         light = np.stack([np.array(file.channels()[c].pixels, np.float64) for c in "RGB"])
-    return png, light, told["seconds"]["render"], {e["name"]: e for e in told["plan"]["effects"]}
+    return png, light, next(s["seconds"] for s in told["stages"] if s["stage"] == "render"), {e["name"]: e for e in told["plan"]["effects"]}
 
 
 def main():
@@ -51,10 +51,8 @@ def main():
             differ = np.abs(on[1] - off[1]).mean() / on[1].mean()
             bound = on[3][name]["bound"]
             print(f"| `{name}` | {on[2]:.1f} | {off[2]:.1f} | {'all' if bound >= 1 else f'{100 * bound:.1f} %'} | {100 * differ:.0f} % |", flush=True)
-            label = ["-gravity", "North", "-background", "white", "-splice", "0x18", "-pointsize", "13", "-annotate", "+0+2",
-                     name.replace("_", " ")]
             column = folder / f"{name}.png"
-            subprocess.run(["convert", str(on[0]), str(off[0]), "-append", *label, str(column)], check=True)
+            subprocess.run(["convert", str(on[0]), str(off[0]), "-append", "-bordercolor", "white", "-border", "2", str(column)], check=True)
             columns.append(str(column))
         rows = []
         for first in range(0, len(columns), 5):
