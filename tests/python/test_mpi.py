@@ -12,7 +12,9 @@ import time
 import pytest
 
 import command
+import gltf
 import mpi
+import report as schema
 from command import SCENES
 
 needs_mpi = pytest.mark.skipif(mpi.why_not() is not None, reason=str(mpi.why_not()))
@@ -103,6 +105,68 @@ def test_balance_and_study_are_those_of_one_process(tmp_path):
     lines = (tmp_path / "three" / "runs.jsonl").read_text()
     mpi.together(2, *study, tmp_path / "three")
     assert (tmp_path / "three" / "runs.jsonl").read_text() == lines
+
+
+@needs_mpi
+def test_a_study_of_the_duality_is_that_of_one_process(tmp_path):
+    study = ("study", SCENES / "two_spheres.gltf", "--duality", "--quick", "--size", "16x8", "-q", "-o")
+    same_study(tmp_path, study, ["duality.html", "duality.svg", "duality.png"], "duality.json")
+
+
+@needs_mpi
+def test_the_thesis_again_is_that_of_one_process(tmp_path):
+    study = ("study", "--paper", SCENES / "hura2006_3.gltf", SCENES / "hura2006_1.gltf", "--tests", "3,1,savings", "--seeds", "2", "-q", "-o")
+    pictures = ["test1.png", "test3.png", *(f"savings{n}_{side}.png" for n in (1, 3) for side in ("source", "duality"))]
+    same_study(tmp_path, study, pictures, "study.json")
+
+
+def timeless(figures):
+    """Figures without what clocks and memory say, and what is computed of that."""
+    report = json.loads(figures)
+    for entry in report.get("savings", []):
+        for side in ("source", "duality"):
+            del entry[side]["seconds_at_equal"]
+    return schema.stable(report)
+
+
+def same_study(folder, study, files, figures):
+    """The files that a study writes without clocks are the same on 1 to 4 ranks, and so are its figures but for seconds and memory."""
+    command.succeed(*study, folder / "alone")
+    known = written(folder / "alone")
+    for ranks in (1, 2, 3, 4):
+        mpi.together(ranks, *study, folder / f"of{ranks}")
+        found = written(folder / f"of{ranks}")
+        assert set(found) == set(known)
+        assert all(found[name] == known[name] for name in files), ranks
+        assert timeless(found[figures]) == timeless(known[figures]), ranks
+
+
+@needs_mpi
+def test_lamps_shine_alike_on_any_number_of_ranks(tmp_path):
+    """Light of two lamps, one a spot, and of no sun: of paths, of photons left in voxels, and of photons stored."""
+    document, blob = gltf.document([gltf.ball("Left", (-1.2, 0, 1), sigma_t=4, albedo=0.99, g=0.7), gltf.ball("Right", (1.2, 0, 1), sigma_t=4, albedo=0.9)],
+                                   sun=False)
+    blob = gltf.add_ground(document, blob)
+    gltf.add_lamp(document, (0, -1.8, 2.2), 8.0)
+    gltf.add_lamp(document, (-2.4, 1.0, 3.0), 6.0, type="spot", spot={"outerConeAngle": 1.0})
+    scene = gltf.write(tmp_path / "lamps.gltf", document, blob)
+    flags = {"path": ("--density", "source", "--spp", "16"), "grid": ("--photons", "30k", "--spp", "4", "-o", "a.vdb"),
+             "photon": ("--photons", "30k", "--spp", "4")}
+    for integrator, more in flags.items():
+        job = [scene, "--integrator", integrator, *more, *SMALL, "-o", "b.exr"]
+        known = alone_in(tmp_path / integrator, job)
+        for ranks in (1, 2, 3, 4):
+            folder = tmp_path / f"{integrator}{ranks}"
+            folder.mkdir()
+            mpi.together(ranks, *job, cwd=folder)
+            assert written(folder) == known, (integrator, ranks)
+
+
+def alone_in(folder, job):
+    """What one process writes into a new folder, without MPI."""
+    folder.mkdir()
+    command.succeed(*job, cwd=folder)
+    return written(folder)
 
 
 @needs_mpi
