@@ -93,6 +93,7 @@ pub mod plan;
 pub mod progress;
 pub mod regions;
 pub mod rng;
+mod room;
 pub mod sampling;
 pub mod scene;
 pub mod sculpt;

@@ -20,6 +20,7 @@ mod balance;
 mod crew;
 mod format;
 mod grids;
+mod held;
 mod pass1;
 mod picture;
 
@@ -89,6 +90,7 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     if job.dry_run {
         return Ok(closed(report, clock));
     }
+    held::check(job, picture, progress)?;
 
     let (written, pass1) = match job.density {
         Density::Source => (layout.scene.regions.clone(), None),

@@ -1,15 +1,15 @@
-//! Whether there is memory for what a file asks for: a few bytes of tiles may stand for gigabytes, and a system that promises more
-//! than it has would end the process.
+//! Whether there is memory for what is asked for: a few bytes of a file, or a figure on the command line, may stand for gigabytes, and a
+//! system that promises more than it has would end the process.
 
 /// Why so many bytes are not to be had; nothing where they are, or where the system does not say.
-pub(super) fn missing(bytes: u64, free: Option<u64>) -> Option<String> {
+pub fn missing(bytes: u64, free: Option<u64>) -> Option<String> {
     let free = free.filter(|&free| bytes > free)?;
     let gigabytes = |bytes: u64| bytes as f64 / 1e9;
     Some(format!("takes {:.1} GB in memory, and {:.1} GB are free", gigabytes(bytes), gigabytes(free)))
 }
 
 /// The memory that programs may still take, bytes; where the system says so (Linux).
-pub(super) fn free() -> Option<u64> {
+pub fn free() -> Option<u64> {
     available(&std::fs::read_to_string("/proc/meminfo").ok()?)
 }
 

@@ -165,9 +165,10 @@ pub struct Run {
     /// removed when the run is done
     #[arg(long, value_name = "FILE", conflicts_with_all = ["keep_partial", "time", "dry_run"])]
     pub checkpoint: Option<PathBuf>,
-    /// What the voxels of the grid integrator may take, in bytes
-    #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = count)]
-    pub memory: u64,
+    /// What the voxels of the grid integrator may take, and what the photons of the duality and of the photon integrator may, in
+    /// bytes [default: 1G for voxels; for photons what the system has free]
+    #[arg(long, value_name = "BYTES", value_parser = count)]
+    pub memory: Option<u64>,
     /// What of light's directions those voxels keep
     #[arg(long, value_enum, default_value_t = DirectionalArgument::View)]
     pub directional: DirectionalArgument,
@@ -222,7 +223,7 @@ impl Run {
             Some(Ok(n)) if n > 0 => Some(n),
             _ => return usage("--spp must be from 1 to 4294967295"),
         };
-        if self.memory < LEAST_MEMORY {
+        if self.memory.is_some_and(|bytes| bytes < LEAST_MEMORY) {
             return usage("--memory: the voxels of the grid integrator need at least 100M (bytes)");
         }
         if (self.error.is_some() || self.time.is_some()) && self.integrator == Some(IntegratorArgument::Photon) {

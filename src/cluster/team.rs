@@ -309,6 +309,16 @@ impl Crew for Team {
         Ok(heard.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect())
     }
 
+    fn beside(&self, progress: &dyn Progress) -> Result<u64> {
+        let name = Sha256::digest(self.wire.host());
+        let own = name.iter().take(8).fold(0, |sum, &byte| sum << 8 | u64::from(byte));
+        let mut hosts = vec![0; self.wire.size()];
+        hosts[self.wire.rank()] = own;
+        self.come(progress)?;
+        self.add(&mut hosts);
+        Ok(hosts.iter().filter(|&&host| host == own).count() as u64)
+    }
+
     fn spent(&self, progress: &dyn Progress) -> Result<Option<Spent>> {
         let ranks = self.wire.size();
         if ranks == 1 {

@@ -7,6 +7,7 @@ use crate::media::{Fire, Scratch};
 use crate::rng::Rng;
 use crate::trimesh::TriMesh;
 use glam::Vec3;
+use std::f64::consts::PI;
 
 /// What an event at `p` brings that sends on a share `sent` of the light from a direction, 1/sr, of what shines farther away than `near` m; an
 /// unbiased estimate.
@@ -23,7 +24,7 @@ pub(super) fn look(
     if near == f32::INFINITY {
         return Vec3::ZERO;
     }
-    let (there, light) = fire.sample(rng);
+    let (there, tint) = fire.sample(rng);
     let (way, distance) = (there - p, there.distance(p));
     if distance <= near || distance == 0.0 {
         return Vec3::ZERO;
@@ -38,5 +39,7 @@ pub(super) fn look(
         return clear;
     }
     let ray = Ray { origin: p, direction: toward };
-    light * share * clear * band.media.clear(&ray, distance, rng, scratch) as f32
+    // The power of all, over all directions.
+    let strength = (fire.power() / (4.0 * PI)) as f32;
+    tint * strength * share * clear * band.media.clear(&ray, distance, rng, scratch) as f32
 }

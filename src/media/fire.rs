@@ -7,7 +7,6 @@ use crate::scene::medium::luminance;
 use crate::scene::{Region, Scene};
 use body::Body;
 use glam::{DVec3, Vec3};
-use std::f64::consts::PI;
 
 mod body;
 
@@ -67,7 +66,7 @@ impl Fire {
         self.powers.last().copied().unwrap_or(0.0)
     }
 
-    /// A point of it, drawn by what shines there as a luminance, and all of its light with the colour that it has there, W/sr, by channel.
+    /// A point of it, drawn by what shines there as a luminance, and the colour of that, of luminance 1.
     pub fn sample(&self, rng: &mut Rng) -> (Vec3, Vec3) {
         let drawn = rng.uniform() * self.power();
         let number = self.powers.partition_point(|&sum| sum <= drawn).min(self.bodies.len() - 1);
@@ -75,8 +74,7 @@ impl Fire {
         // All bodies together are drawn by what they emit: so it does not matter which of them this point is of.
         let light = self.at(p);
         let grey = luminance(light.as_dvec3().to_array()) as f32;
-        let tint = if grey > 0.0 { light / grey } else { Vec3::ONE };
-        (p, tint * (self.power() / (4.0 * PI)) as f32)
+        (p, if grey > 0.0 { light / grey } else { Vec3::ONE })
     }
 
     /// Within what distance a flight from a surface finds flames itself, m; those beyond are looked at.

@@ -6,7 +6,7 @@ use crate::geom::Ray;
 use crate::media::Fire;
 use crate::rng::Rng;
 use crate::sampling::uniform_sphere;
-use crate::scene::{Scene, medium::luminance};
+use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
@@ -41,8 +41,7 @@ impl Flames {
 
     /// Starts one photon. Its colour is that of the light from there, of luminance 1.
     pub fn emit(&self, rng: &mut Rng) -> Start {
-        let (p, light) = self.fire.sample(rng);
-        let tint = light / luminance(light.as_dvec3().to_array()) as f32;
+        let (p, tint) = self.fire.sample(rng);
         let cone = self.aim.and_then(|aim| aim.seen_from(p)).filter(|cone| cone.solid_angle < 4.0 * PI);
         let anywhere = if cone.is_none() || (self.beside && rng.uniform() < ANYWHERE) { Some(uniform_sphere(rng)) } else { None };
         let direction = match (anywhere, &cone) {

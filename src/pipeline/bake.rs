@@ -34,7 +34,7 @@ pub(super) fn without_air<'a>(job: &Job, scene: &'a Scene, notes: &mut Vec<Strin
 /// Follows the light of a scene with the run's regions.
 pub(super) fn follow(job: &Job, bake: Bake, scene: &Scene, framed: &Framed, watch: &dyn Progress) -> Result<SourceFunction> {
     let plan = Plan::for_scene(scene, Density::Source);
-    let settings = SourceSettings { photons: job.photons, memory: job.picture.memory, seed: job.duality.seed };
+    let settings = SourceSettings { photons: job.photons, memory: job.picture.voxel_memory(), seed: job.duality.seed };
     SourceFunction::new(scene, &plan, bake.kept(&framed.camera), &settings, watch)
 }
 

@@ -29,8 +29,9 @@ pub struct Picture {
     pub error: Option<f64>,
     /// The seconds of the whole run within which the picture is to be as good as it can be, where they are given.
     pub seconds: Option<f64>,
-    /// What the voxels of [`Integrator::Grid`] may take, bytes.
-    pub memory: u64,
+    /// What the voxels of [`Integrator::Grid`] may take, and what stored photons may, bytes; where nobody says, a gigabyte, and what the
+    /// system has free.
+    pub memory: Option<u64>,
     /// What they keep of light's directions.
     pub directional: Directional,
     /// Where [`Integrator::Photon`] looks for photons.
@@ -47,14 +48,14 @@ pub struct Picture {
 
 impl Default for Picture {
     fn default() -> Self {
-        let PhotonSettings { gather, step, shadow_rays, memory, directional, .. } = PhotonSettings::default();
+        let PhotonSettings { gather, step, shadow_rays, directional, .. } = PhotonSettings::default();
         Picture {
             integrator: None,
             spp: None,
             photons: None,
             error: None,
             seconds: None,
-            memory,
+            memory: None,
             directional,
             gather,
             step,
@@ -70,12 +71,18 @@ impl Picture {
     pub fn settings(&self, scene: &Scene, framed: &Framed, photons: u64, duality: &Duality) -> RenderSettings {
         let able = if gridless(&scene.regions, duality.model).is_none() { Integrator::Grid } else { Integrator::Path };
         let integrator = self.integrator.unwrap_or(able);
-        let Picture { spp, gather, step, shadow_rays, memory, directional, .. } = *self;
+        let Picture { spp, gather, step, shadow_rays, directional, .. } = *self;
         let spp = spp.unwrap_or(integrator.usual_spp());
         let Duality { model, estimate, seed, .. } = *duality;
         let photons = self.photons.filter(|_| integrator == Integrator::Grid).unwrap_or(photons);
+        let memory = self.voxel_memory();
         let photon = PhotonSettings { model, gather, photons, estimate, step, shadow_rays, memory, directional };
         RenderSettings { integrator, width: framed.width, height: framed.height, spp, seed, photon }
+    }
+
+    /// What the voxels of [`Integrator::Grid`] may take, bytes.
+    pub fn voxel_memory(&self) -> u64 {
+        self.memory.unwrap_or(PhotonSettings::default().memory)
     }
 
     /// What is missing in it.

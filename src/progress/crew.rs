@@ -53,6 +53,12 @@ pub trait Crew: Sync {
     /// [`Error::Interrupted`].
     fn agree(&self, said: &[f64], progress: &dyn Progress) -> Result<Vec<f64>>;
 
+    /// How many of the ranks share this one's host, and so its memory; it is one of them. Every rank has to ask.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    fn beside(&self, progress: &dyn Progress) -> Result<u64>;
+
     /// What working together has taken so far, of all ranks; every rank has to ask.
     ///
     /// # Errors

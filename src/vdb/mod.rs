@@ -8,7 +8,6 @@ mod carry;
 mod exam;
 mod ffi;
 mod mesh;
-mod room;
 
 use std::fs::OpenOptions;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -18,6 +17,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
+use crate::room;
 use crate::scene::density::{BRICK_SIDE, BRICK_VOXELS, BrickGrid};
 
 pub use carry::Carried;

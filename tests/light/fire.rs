@@ -206,3 +206,22 @@ fn a_far_small_flame_lights_a_cloud_and_the_ground() {
         assert!((path[c] - voxels[c]).abs() < 4.0 * se[c].hypot(noise[c]) + 0.01 * path[c] && se[c] < 0.01 * path[c]);
     }
 }
+
+/// What is too cold or too bright for single precision is dark, or as bright as numbers go, and nothing else breaks.
+#[test]
+fn flames_of_any_strength_are_finite() {
+    let ball = Shape::sphere(DVec3::ZERO, 1.0);
+    let camera = facing(6.0, 1.5);
+    for emission in [[1e-300; 3], [1e-60, 0.0, 1e-45], [1e-38; 3], [1e20, 1e-20, 0.0], [1e30; 3]] {
+        let regions = vec![region(ball.clone(), Medium::with_albedo(2.0, 0.9, 0.5))];
+        let corner = |x: f64, y: f64| DVec3::new(x * 4.0, y * 4.0, -1.1);
+        let vertices = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0)];
+        let ground = Surface { name: "ground".into(), mesh: Mesh { vertices, triangles: vec![[0, 1, 2]] }, albedo: [0.5; 3] };
+        let scene = Scene { regions, surfaces: vec![ground], flames: vec![shining(&ball, emission)], ..dark() };
+        for integrator in [Integrator::Path, Integrator::Grid, Integrator::Photon] {
+            let picture = picture(&scene, &camera, integrator, 2, 2000, 0);
+            let wrong = picture.film.pixels.iter().filter(|p| p.combined().iter().any(|c| !c.is_finite())).count();
+            assert_eq!(wrong, 0, "{emission:?} {integrator:?}");
+        }
+    }
+}

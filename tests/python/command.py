@@ -86,6 +86,12 @@ def listing(folder):
                   if not p.is_dir())
 
 
+def free_memory():
+    """What the system says that programs may still take, bytes."""
+    line, = [line for line in pathlib.Path("/proc/meminfo").read_text().splitlines() if line.startswith("MemAvailable:")]
+    return 1024 * int(line.split()[1])
+
+
 def interrupt(*arguments, after, by=signal.SIGINT, cwd=None, limit=30.0, alive=False):
     """Sends SIGINT (or another) `after` seconds from the start, or where it says something of itself (`--progress json`) from its first
     sign of life, `alive`. Returns (exit code, seconds from the signal to the end, stderr), or None if the job was done before."""

@@ -285,6 +285,19 @@ def test_a_rank_out_of_memory_ends_all(own, folder):
 
 
 @needs_mpi
+def test_photons_beyond_memory_are_refused_before_any_is_traced(own, folder):
+    flags = [SCENES / "cumulus.gltf", "-o", "a.vdb", "--threads", "1"]
+    process = mpi.start(mpi.line((3, [own, *flags, "--photons", "50M", "--memory", "1G"])), folder)
+    ends(process, own, folder, ["--photons 50000000 takes 2100.0 MB of memory"], within=10.0)
+    # What one process would have memory for, and not all that share its host.
+    fits = command.free_memory() // 42
+    if fits > 4294967295:
+        pytest.skip("there is memory for as many photons as can be asked for")
+    process = mpi.start(mpi.line((3, [own, *flags, "--photons", fits // 2])), folder)
+    ends(process, own, folder, ["for each of 3 ranks on this host. Use --photons"], within=10.0)
+
+
+@needs_mpi
 def test_what_all_refuse_is_said_once(own, folder):
     process = mpi.start(mpi.line((3, [own, "missing.gltf", "-o", "a.vdb"])), folder)
     _, err = process.communicate(timeout=20)
