@@ -11,6 +11,8 @@ use cloudvdb::scene::{Air, Camera, Medium, Mesh, Region, Scene, Shape, Sun, Surf
 use glam::DVec3;
 use std::time::Instant;
 
+/// What is added of an effect that a scene has not.
+const LITTLE: f64 = 1e-7;
 /// What may be left out.
 const TOLERANCE: f64 = 0.01;
 
@@ -45,7 +47,7 @@ fn scene(seed: u64) -> Scene {
 
 /// The scene with next to nothing of every effect that it has not: what it costs not to look. A colour, air, a sky, a disc, ground that reflects.
 fn everything(scene: &Scene) -> Scene {
-    let little = 1e-7;
+    let little = LITTLE;
     let mut all = scene.clone();
     for region in &mut all.regions {
         region.medium.sigma_s[0] *= 1.0 + little;
@@ -98,7 +100,7 @@ fn compare(seeds: std::ops::Range<u64>, spp: u32) -> (Vec<f64>, Vec<f64>) {
         let sigma = da.hypot(db);
         println!("{seed}: {a:.5} +- {da:.5}, planned {b:.5} +- {db:.5}, bound {bound:.4}, orders {:?}, left out {off:?}", plan.orders);
         // One in 16,000 is beyond four sigma.
-        assert!((a - b).abs() <= bound * a + 4.0 * sigma, "scene {seed}: {a} +- {da}, planned {b} +- {db}, bound {bound}");
+        assert!((a - b).abs() <= bound * a + 4.0 * sigma + 10.0 * LITTLE, "scene {seed}: {a} +- {da}, planned {b} +- {db}, bound {bound}");
         ratios.push((planned.collisions + planned.samples) as f64 / (full.collisions + full.samples) as f64);
     }
     for (name, ratios) in [("collisions and samples", &mut ratios), ("seconds", &mut seconds)] {
@@ -111,7 +113,7 @@ fn compare(seeds: std::ops::Range<u64>, spp: u32) -> (Vec<f64>, Vec<f64>) {
 
 #[test]
 fn what_is_left_out_is_less_than_said() {
-    assert!(compare(0..16, 64).0.iter().all(|&ratio| ratio < 1.2));
+    assert!(compare(0..16, 32).0.iter().all(|&ratio| ratio < 1.2));
 }
 
 #[test]
