@@ -25,8 +25,12 @@ fn facing(distance: f64, radius: f64) -> Camera {
 }
 
 fn picture(scene: &Scene, camera: &Camera, integrator: Integrator, spp: u32, photons: u64, seed: u64) -> Rendering {
+    sized(SIZE, scene, camera, integrator, spp, photons, seed)
+}
+
+fn sized(size: u32, scene: &Scene, camera: &Camera, integrator: Integrator, spp: u32, photons: u64, seed: u64) -> Rendering {
     let photon = PhotonSettings { photons, ..PhotonSettings::default() };
-    let settings = RenderSettings { integrator, width: SIZE, height: SIZE, spp, seed, photon };
+    let settings = RenderSettings { integrator, width: size, height: size, spp, seed, photon };
     render(scene, &Plan::for_scene(scene, Density::Source), camera, &settings, None, &Silent).unwrap()
 }
 
@@ -57,7 +61,7 @@ fn over(seeds: u64, of: impl Fn(u64) -> [f64; 3]) -> ([f64; 3], [f64; 3]) {
 /// over 4 pi D^2. `bias` is what an integrator that smooths may be off by.
 fn conserved(name: &str, scene: &Scene, emission: [f64; 3], volume: f64, integrator: Integrator, bias: f64) {
     let camera = facing(12.0, 1.3);
-    let (mean, se) = over(5, |seed| irradiance(&picture(scene, &camera, integrator, 8, 50_000, seed), &camera));
+    let (mean, se) = over(4, |seed| irradiance(&picture(scene, &camera, integrator, 8, 50_000, seed), &camera));
     for c in 0..3 {
         let truth = emission[c] * volume / 144.0;
         let off = (mean[c] - truth).abs();
@@ -79,6 +83,8 @@ fn what_shines_in_a_white_ball_leaves_it() {
         conserved(&name, &scene, emission, volume, Integrator::Path, 0.001);
         if tau > 0.0 {
             conserved(&name, &scene, emission, volume, Integrator::Grid, 0.02);
+        }
+        if tau == 1.0 {
             conserved(&name, &scene, emission, volume, Integrator::Photon, 0.03);
         }
     }
@@ -108,11 +114,11 @@ fn what_shines_in_white_voxels_leaves_them() {
     let mean = |integrator: Integrator, spp: u32| {
         let each = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z].map(|axis| {
             let camera = Camera::look_at(axis * 12.0, DVec3::ZERO, 0.24).unwrap();
-            over(2, |seed| irradiance(&picture(&scene, &camera, integrator, spp, 40_000, seed), &camera)).0
+            over(1, |seed| irradiance(&picture(&scene, &camera, integrator, spp, 20_000, seed), &camera)).0
         });
         std::array::from_fn::<f64, 3, _>(|c| each.iter().map(|e| e[c]).sum::<f64>() / 6.0 * 144.0)
     };
-    let (path, voxels) = (mean(Integrator::Path, 24), mean(Integrator::Grid, 8));
+    let (path, voxels) = (mean(Integrator::Path, 16), mean(Integrator::Grid, 8));
     for c in 0..3 {
         println!("{c}: path {:.5}, grid {:.5}, whole {:.5}", path[c], voxels[c], whole[c]);
         // Voxels of light at their finest are as wide as what shines here.
@@ -174,10 +180,10 @@ fn flames_light_the_ground_and_what_is_over_it() {
     let scene = Scene { regions: vec![cloud], surfaces: vec![ground], flames: vec![flame], ..dark() };
     let camera = Camera::look_at(DVec3::new(2.0, -8.0, 3.0), DVec3::ZERO, 0.8).unwrap();
     let mean = |integrator: Integrator, spp: u32, seed: u64| {
-        let picture = picture(&scene, &camera, integrator, spp, 100_000, seed);
+        let picture = sized(18, &scene, &camera, integrator, spp, 50_000, seed);
         std::array::from_fn(|c| picture.film.pixels.iter().map(|p| f64::from(p.combined()[c])).sum::<f64>())
     };
-    let (path, se) = over(6, |seed| mean(Integrator::Path, 32, seed));
+    let (path, se) = over(6, |seed| mean(Integrator::Path, 64, seed));
     let (voxels, noise) = over(4, |seed| mean(Integrator::Grid, 16, seed));
     for c in 0..3 {
         println!("{c}: path {:.4} +- {:.4}, grid {:.4} +- {:.4}", path[c], se[c], voxels[c], noise[c]);
@@ -196,7 +202,7 @@ fn a_far_small_flame_lights_a_cloud_and_the_ground() {
     let scene = Scene { regions: vec![cloud], surfaces: vec![ground], flames: vec![flame], ..dark() };
     let camera = Camera::look_at(DVec3::new(0.0, -8.0, 1.0), DVec3::ZERO, 0.5).unwrap();
     let mean = |integrator: Integrator, spp: u32, seed: u64| {
-        let picture = picture(&scene, &camera, integrator, spp, 60_000, seed);
+        let picture = sized(18, &scene, &camera, integrator, spp, 40_000, seed);
         std::array::from_fn(|c| picture.film.pixels.iter().map(|p| f64::from(p.combined()[c])).sum::<f64>())
     };
     let (path, se) = over(6, |seed| mean(Integrator::Path, 16, seed));
@@ -212,14 +218,14 @@ fn a_far_small_flame_lights_a_cloud_and_the_ground() {
 fn flames_of_any_strength_are_finite() {
     let ball = Shape::sphere(DVec3::ZERO, 1.0);
     let camera = facing(6.0, 1.5);
-    for emission in [[1e-300; 3], [1e-60, 0.0, 1e-45], [1e-38; 3], [1e20, 1e-20, 0.0], [1e30; 3]] {
+    for emission in [[1e-300; 3], [1e-60, 0.0, 1e-45], [1e30; 3]] {
         let regions = vec![region(ball.clone(), Medium::with_albedo(2.0, 0.9, 0.5))];
         let corner = |x: f64, y: f64| DVec3::new(x * 4.0, y * 4.0, -1.1);
         let vertices = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0)];
         let ground = Surface { name: "ground".into(), mesh: Mesh { vertices, triangles: vec![[0, 1, 2]] }, albedo: [0.5; 3] };
         let scene = Scene { regions, surfaces: vec![ground], flames: vec![shining(&ball, emission)], ..dark() };
         for integrator in [Integrator::Path, Integrator::Grid, Integrator::Photon] {
-            let picture = picture(&scene, &camera, integrator, 2, 2000, 0);
+            let picture = sized(6, &scene, &camera, integrator, 2, 500, 0);
             let wrong = picture.film.pixels.iter().filter(|p| p.combined().iter().any(|c| !c.is_finite())).count();
             assert_eq!(wrong, 0, "{emission:?} {integrator:?}");
         }

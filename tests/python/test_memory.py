@@ -40,5 +40,6 @@ def test_without_a_limit_it_is_what_the_system_has():
 @pytest.mark.parametrize("job", [[ONE], [CUMULUS, "--density", "source", "--integrator", "photon", "--size", "8x6", "--spp", "1", "-o", "a.png", "--overwrite"]])
 def test_a_photon_takes_what_is_said(tmp_path, job):
     """By the peaks of runs that differ in photons: of one region, whose tree holds them all, and of a picture by stored photons."""
-    few, many = (json.loads(succeed(*job, "--photons", n, "--json", "-q", cwd=tmp_path).out)["peak_memory"] for n in ("1M", "2M"))
-    assert 0.8 * EACH < (many - few) / 1e6 < 1.1 * EACH
+    few, many = (json.loads(succeed(*job, "--photons", n, "--json", "-q", cwd=tmp_path).out)["peak_memory"] for n in ("2M", "6M"))
+    # What waves of photons hold beside the map comes and goes: a few megabytes.
+    assert 0.8 * EACH < (many - few) / 4e6 < 1.1 * EACH
