@@ -14,6 +14,10 @@ MPI_PACKAGES := libopenmpi-dev openmpi-bin libclang-dev
 TEST_PACKAGES := python3 python3-venv python3-numpy python3-openvdb \
 	libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1 libegl1
 
+# make test FEATURES=mpi builds and tests with Open MPI.
+FEATURES ?=
+with_features := $(if $(FEATURES),--features $(FEATURES))
+
 VENV := .venv
 PYTEST = $(VENV)/bin/python -m pytest tests/python
 
@@ -41,7 +45,7 @@ fi
 endef
 .ONESHELL:
 
-.PHONY: help demo build mpi test test-mpi bench addon scenes crosscheck crosscheck-speed fuzz sanitize study lint clean build-packages test-packages rust
+.PHONY: help demo build mpi test test-mpi bench addon scenes crosscheck crosscheck-speed fuzz sanitize study lint clean build-packages mpi-packages test-packages rust
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 26
@@ -55,19 +59,19 @@ demo: build ## A cumulus from the layout in scenes/, as out/cumulus.vdb and out/
 build: build-packages rust ## The command, target/release/cloudvdb
 	cargo build --release
 
-mpi: build-packages rust ## The command for many machines, target/mpi/cloudvdb (mpirun -n 4 target/mpi/cloudvdb ...)
-	@$(call need,$(MPI_PACKAGES))
+mpi: build-packages mpi-packages rust ## The command for many machines, target/mpi/cloudvdb (mpirun -n 4 target/mpi/cloudvdb ...)
 	cargo build --release --features mpi
 	# The ordinary build puts its own command back in its place.
 	mkdir -p target/mpi
 	cp target/release/cloudvdb target/mpi/cloudvdb
 
-test: build test-packages $(VENV)/.stamp ## All tests: Rust's, then those that use Blender and OpenVDB from Python
-	cargo test --release
-	$(PYTEST) -n 2 --dist loadfile
+# Cargo builds the command for its tests: with a `build` before, other features of the same libraries would build all twice.
+test: build-packages test-packages rust $(VENV)/.stamp ## All tests: Rust's, then those that use Blender and OpenVDB from Python
+	cargo test --release $(with_features)
+	$(if $(findstring mpi,$(FEATURES)),CLOUDVDB_MPI=target/release/cloudvdb) $(PYTEST) -n 2 --dist loadfile
 
 test-mpi: mpi test-packages $(VENV)/.stamp ## The same bytes on 1 to 4 ranks; ranks that die; checkpoints
-	CLOUDVDB=target/mpi/cloudvdb CLOUDVDB_MPI=target/mpi/cloudvdb $(PYTEST)/test_mpi.py
+	CLOUDVDB=target/mpi/cloudvdb CLOUDVDB_MPI=target/mpi/cloudvdb $(PYTEST)/test_mpi.py -m 'not long'
 
 bench: build ## Criterion's benchmarks
 	cargo bench
@@ -131,6 +135,9 @@ rust:
 
 build-packages:
 	@$(call need,$(BUILD_PACKAGES))
+
+mpi-packages:
+	@$(call need,$(MPI_PACKAGES))
 
 test-packages:
 	@$(call need,$(TEST_PACKAGES))

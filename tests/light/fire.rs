@@ -114,11 +114,11 @@ fn what_shines_in_white_voxels_leaves_them() {
     let mean = |integrator: Integrator, spp: u32| {
         let each = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z].map(|axis| {
             let camera = Camera::look_at(axis * 12.0, DVec3::ZERO, 0.24).unwrap();
-            over(1, |seed| irradiance(&picture(&scene, &camera, integrator, spp, 20_000, seed), &camera)).0
+            over(1, |seed| irradiance(&picture(&scene, &camera, integrator, spp, 12_000, seed), &camera)).0
         });
         std::array::from_fn::<f64, 3, _>(|c| each.iter().map(|e| e[c]).sum::<f64>() / 6.0 * 144.0)
     };
-    let (path, voxels) = (mean(Integrator::Path, 16), mean(Integrator::Grid, 8));
+    let (path, voxels) = (mean(Integrator::Path, 8), mean(Integrator::Grid, 4));
     for c in 0..3 {
         println!("{c}: path {:.5}, grid {:.5}, whole {:.5}", path[c], voxels[c], whole[c]);
         // Voxels of light at their finest are as wide as what shines here.

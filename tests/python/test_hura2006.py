@@ -41,9 +41,9 @@ def z(counts, row):
 
 @pytest.fixture(scope="module")
 def measured():
-    """Per test the counts of seeds that are not the page's: 8 where a run takes a tenth of a second, 3 where it takes one."""
+    """Per test the counts of seeds that are not the page's: 5 where a run takes a tenth of a second, 2 where it takes one."""
     return [[count(f"hura2006_{row['regions']}.gltf", row["photons"], row["estimate"], 1000 + seed)
-             for seed in range(8 if int(row["photons"]) < 1_000_000 else 3)] for row in TABLE]
+             for seed in range(5 if int(row["photons"]) < 1_000_000 else 2)] for row in TABLE]
 
 
 def test_the_page_has_the_nine_tests_of_the_thesis():

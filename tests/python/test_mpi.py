@@ -1,6 +1,6 @@
 """The same bytes on any number of ranks, and an end with a sentence whatever happens to one of them.
 
-`make test-mpi` builds the command with the feature `mpi` and runs these."""
+`make test-mpi` builds the command with the feature `mpi` and runs these; `make test FEATURES=mpi` those that are not marked `ranks`."""
 import json
 import os
 import pathlib
@@ -16,6 +16,7 @@ import gltf
 import mpi
 import report as schema
 from command import SCENES
+from faults import stage_begins
 
 needs_mpi = pytest.mark.skipif(mpi.why_not() is not None, reason=str(mpi.why_not()))
 
@@ -67,6 +68,7 @@ def test_any_number_of_ranks_writes_the_same_bytes(alone, tmp_path, name, ranks,
     assert written(tmp_path) == alone(name)
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_all_directions_and_the_check_of_a_bake_are_those_of_one_process(tmp_path):
     """Light by harmonics, its comparison with the path tracer, the sky's light in a group of its own: also what the report says of it."""
@@ -85,6 +87,7 @@ def test_without_mpirun_the_same_binary_runs_alone(alone, tmp_path):
     assert written(tmp_path) == alone("path")
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_balance_and_study_are_those_of_one_process(tmp_path):
     scene = SCENES / "two_spheres.gltf"
@@ -107,12 +110,14 @@ def test_balance_and_study_are_those_of_one_process(tmp_path):
     assert (tmp_path / "three" / "runs.jsonl").read_text() == lines
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_a_study_of_the_duality_is_that_of_one_process(tmp_path):
     study = ("study", SCENES / "two_spheres.gltf", "--duality", "--quick", "--size", "16x8", "-q", "-o")
     same_study(tmp_path, study, ["duality.html", "duality.svg", "duality.png"], "duality.json")
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_the_thesis_again_is_that_of_one_process(tmp_path):
     study = ("study", "--paper", SCENES / "hura2006_3.gltf", SCENES / "hura2006_1.gltf", "--tests", "3,1,savings", "--seeds", "2", "-q", "-o")
@@ -141,6 +146,7 @@ def same_study(folder, study, files, figures):
         assert timeless(found[figures]) == timeless(known[figures]), ranks
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_lamps_shine_alike_on_any_number_of_ranks(tmp_path):
     """Light of two lamps, one a spot, and of no sun: of paths, of photons left in voxels, and of photons stored."""
@@ -169,6 +175,7 @@ def alone_in(folder, job):
     return written(folder)
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_one_rank_speaks_and_counts_what_all_do(tmp_path):
     job = [SCENES / "two_spheres.gltf", "--density", "source", "--integrator", "path", "--spp", "400", "--size", "48x32", "-o", "b.exr"]
@@ -226,18 +233,21 @@ def started(own, ranks, process, within=20.0):
     return mpi.processes(own)
 
 
+@pytest.mark.ranks
 @needs_mpi
 @pytest.mark.parametrize("which", [0, 1, 2])
 @pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGTERM])
-@pytest.mark.parametrize("after", [0.1, 1.5])
-def test_a_rank_that_dies_ends_all(own, folder, which, by, after):
-    process = mpi.start(mpi.line((3, [own, *LONG])), folder)
+@pytest.mark.parametrize("stage", ["import", "render"])
+def test_a_rank_that_dies_ends_all(own, folder, which, by, stage):
+    """Once all have met. Where one dies while Open MPI still connects them, it is up to mpirun: one in 48 of those waited for ever."""
+    process = mpi.start(mpi.line((3, [own, *LONG, "--progress", "json"])), folder, bufsize=1)
     ids = started(own, 3, process)
-    time.sleep(after)
+    stage_begins(process, stage)
     os.kill(ids[which], by)
     ends(process, own, folder, ["exited on signal", "non-zero status", "interrupted"], hidden=which == 0 and by == signal.SIGKILL)
 
 
+@pytest.mark.ranks
 @needs_mpi
 @pytest.mark.parametrize("after", [0.0, 0.3, 2.0])
 def test_an_interrupted_run_ends_everywhere(own, folder, after):
@@ -248,6 +258,7 @@ def test_an_interrupted_run_ends_everywhere(own, folder, after):
     ends(process, own, folder, ["interrupted"] if after > 1 else [""])
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_a_rank_of_another_build_is_refused(own, folder):
     other = own.with_name("other")
@@ -258,6 +269,7 @@ def test_a_rank_of_another_build_is_refused(own, folder):
     assert mpi.gone(other)
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_a_rank_with_another_scene_is_refused(own, folder):
     other = [SCENES / "two_spheres.gltf", *LONG[1:]]
@@ -265,6 +277,7 @@ def test_a_rank_with_another_scene_is_refused(own, folder):
     ends(process, own, folder, ["1 of 3 ranks read another scene, or were given other settings"])
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_a_rank_without_the_scene_says_where(own, folder):
     other = ["missing.gltf", *LONG[1:]]
@@ -272,6 +285,7 @@ def test_a_rank_without_the_scene_says_where(own, folder):
     ends(process, own, folder, ["rank 2 on"])
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_a_rank_out_of_memory_ends_all(own, folder):
     # The limit falls once the rank is at work, below what it has.
@@ -284,6 +298,7 @@ def test_a_rank_out_of_memory_ends_all(own, folder):
     ends(process, own, folder, ["no more memory", "Free memory"], within=60.0)
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_photons_beyond_memory_are_refused_before_any_is_traced(own, folder):
     flags = [SCENES / "cumulus.gltf", "-o", "a.vdb", "--threads", "1"]
@@ -364,6 +379,7 @@ def test_the_checkpoint_of_another_run_is_refused(tmp_path):
     assert picture.read_bytes() == b"not a checkpoint"
 
 
+@pytest.mark.ranks
 @needs_mpi
 def test_ranks_go_on_from_what_another_number_of_ranks_did(own, tmp_path, folder):
     whole = command.succeed(*resumable("path", tmp_path / "whole.exr"))
@@ -388,6 +404,7 @@ def test_ranks_go_on_from_what_another_number_of_ranks_did(own, tmp_path, folder
 
 # ---------------------------------------------------------------------------------------------------- hosts
 
+@pytest.mark.ranks
 @needs_mpi
 def test_hosts_with_addresses_of_their_own(alone, tmp_path):
     out = tmp_path / "out"

@@ -371,6 +371,6 @@ fn a_hundred_random_scenes() {
         }
         let from = DVec3::new(rng.uniform() - 0.5, rng.uniform() - 0.5, rng.uniform()) * 6.0;
         sane(&format!("random scene {case}"), &scene, &camera(from, DVec3::new(0.0, 0.1, 0.0)), (6, 5), 3);
-        balance(&format!("random scene {case}"), &scene, 3000);
+        balance(&format!("random scene {case}"), &scene, 1000);
     }
 }

@@ -58,7 +58,7 @@ fn the_grid_integrator_sees_what_the_path_tracer_sees() {
     let layers = [haze(0.25, 1.0, Scattering::Rayleigh, Some(1.0)), haze(0.15, 0.9, Scattering::HenyeyGreenstein(0.7), None)];
     scene.air = Air::new(layers);
     scene.sky = [0.05; 3];
-    agrees("cloud in thick air", &scene, 400, 4);
+    agrees("cloud in thick air", &scene, 200, 3);
 }
 
 /// Blue air, and ground and cloud of other colours.
@@ -70,7 +70,7 @@ fn the_grid_integrator_sees_colours_in_air() {
     scene.sky = [0.05; 3];
     scene.surfaces[0].albedo = [0.6, 0.3, 0.1];
     scene.regions[0].medium = Medium { sigma_s: [5.99, 5.9, 5.7], sigma_a: [0.01, 0.1, 0.3], g: 0.8 };
-    agrees("cloud in blue air", &scene, 300, 3);
+    agrees("cloud in blue air", &scene, 150, 3);
 }
 
 /// A path whose flights through coloured air one channel draws is worth as much in every channel as paths of that channel alone.

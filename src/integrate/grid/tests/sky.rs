@@ -42,8 +42,8 @@ fn the_grid_integrator_sees_what_the_path_tracer_sees() {
         };
         Dome::of(128, 64, light).unwrap()
     };
-    agrees("under a sky of many colours", &under(dome(0.8)), 300, 4);
+    agrees("under a sky of many colours", &under(dome(0.8)), 150, 3);
     let mut peaked = under(dome(60.0));
     peaked.surfaces[0].albedo = [0.5, 0.4, 0.2];
-    agrees("under a sky with a bright spot", &peaked, 300, 4);
+    agrees("under a sky with a bright spot", &peaked, 150, 3);
 }

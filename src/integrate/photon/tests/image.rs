@@ -144,7 +144,7 @@ fn sizes<const K: usize>(photons: [u64; K]) -> [(u64, u64); K] {
 #[test]
 fn pictures_become_the_path_tracer_s() {
     for gather in [Gathering::March, Gathering::Beam] {
-        converges("balls", &balls(), gather, (8, 2048), &sizes([3_000, 30_000, 200_000]));
+        converges("balls", &balls(), gather, (8, 2048), &sizes([3_000, 30_000, 150_000]));
     }
 }
 
@@ -159,7 +159,7 @@ fn pictures_become_the_path_tracer_s_up_to_three_million_photons() {
 #[test]
 fn colours_layers_and_voxels_too() {
     for (name, scene) in [("colours", colours()), ("layer", layer()), ("voxels", voxels())] {
-        converges(name, &scene, Gathering::March, (8, 1024), &[(3_000, 10), (200_000, 24)]);
+        converges(name, &scene, Gathering::March, (8, 1024), &[(3_000, 10), (100_000, 18)]);
     }
 }
 
