@@ -45,7 +45,7 @@ fi
 endef
 .ONESHELL:
 
-.PHONY: help demo build mpi test test-mpi bench addon scenes crosscheck crosscheck-speed fuzz sanitize study lint clean build-packages mpi-packages test-packages rust
+.PHONY: help demo build mpi test test-mpi bench addon scenes crosscheck crosscheck-speed fuzz sanitize sanitize-core study lint clean build-packages mpi-packages test-packages rust
 
 help: ## This list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 26
@@ -121,6 +121,17 @@ sanitize: build-packages ## The fuzzers' corpus under the address sanitizer, Rus
 	$(FUZZ_BUILD)
 	for target in $(FUZZ_TARGETS); do
 		$(LEAKS) target/fuzz/x86_64-unknown-linux-gnu/release/$$target -runs=0 -timeout=60 tests/fuzz/corpus/$$target
+	done
+
+# The core under a sanitizer, KIND=address or thread, with Rust's own library compiled for it too; OpenVDB is Debian's, as it is.
+KIND ?= address thread
+NOT_CORE := rates:: image:: noise:: statistics:: sees_what sees_colours harmonics furnace overlaps_ground
+sanitize-core: build-packages ## The library's tests under the address and the thread sanitizer, Rust and C++ (a nightly Rust with rust-src)
+	@$(call need,clang-14 libclang-rt-14-dev)
+	for kind in $(KIND); do
+		$(LEAKS) TSAN_OPTIONS=suppressions=$(CURDIR)/tests/fuzz/races.txt CARGO_TARGET_DIR=target/$$kind CXX=clang++-14 \
+			CXXFLAGS=-fsanitize=$$kind RUSTFLAGS=-Zsanitizer=$$kind cargo +nightly test -Zbuild-std \
+			--target x86_64-unknown-linux-gnu --release --lib -- $(addprefix --skip ,$(NOT_CORE))
 	done
 
 lint: build-packages rust ## Formatting and clippy

@@ -125,7 +125,7 @@ fn a_white_furnace() {
     scene.sky = [1.0; 3];
     for surfaces in [vec![], vec![ground(1.0)]] {
         scene.surfaces = surfaces;
-        let (mean, se) = several(&scene, Integrator::Grid, (8, 30_000, 3))[0];
+        let (mean, se) = several(&scene, Integrator::Grid, (8, 30_000, 4))[0];
         println!("furnace with {} surfaces: {mean:.5} +- {se:.5}", scene.surfaces.len());
         assert!(se < 8e-3 && (mean - 1.0).abs() < 3.5 * se + BIAS / 4.0, "{mean} +- {se}");
     }
