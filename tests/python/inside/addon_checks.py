@@ -686,7 +686,7 @@ def baked_sequences(folder):
 
 @check
 def the_material_follows_the_light_of_each_frame(folder):
-    scene = fresh(folder, density="source", medium="cumulus", bake="sh2", max_voxels=20_000, photons=100_000, frame_start=1,
+    scene = fresh(folder, density="source", medium="cumulus", bake="sh2", max_voxels=20_000, photons=300_000, frame_start=1,
                   frame_end=3)
     ball = metaball()
     light = sun()
