@@ -22,6 +22,8 @@ pub enum Stage {
     Gather = 6,
     /// Paths that tell what air sends.
     Air = 7,
+    /// Ways that tell what surfaces get from media.
+    Cast = 8,
 }
 
 /// A stream of uniform random numbers.

@@ -5,13 +5,15 @@
 //! without error, and light is looked up at points spread evenly over the chance of a collision, each jittered in its slice. So a
 //! picture costs photons and voxels; its pixels cost little.
 //!
-//! Where there is air, sunlight in it is looked at along the way, and the rest looked up in a [`glow::Glow`].
+//! Where there is air, sunlight in it is looked at along the way, and the rest looked up in a [`glow::Glow`]; what clouds, air and flames
+//! send to the surfaces that the camera sees is looked up in a [`cast::Cast`].
 //!
 //! One field holds what goes toward the camera, with the phase functions' peaks. Where surfaces are seen, a coarser one holds light of
 //! all directions by harmonics of degrees 0 to 2, for what clouds send them.
 
 mod air;
 mod basis;
+mod cast;
 mod deposit;
 mod field;
 mod fit;
@@ -20,11 +22,12 @@ mod glow;
 mod source;
 mod space;
 mod sums;
+mod walk;
 
 use super::lens::{Lens, View};
 use super::path::PathTracer;
 use super::photon::{Lighting, by_channel};
-use super::tile::{Arrival, Layer, Transport};
+use super::tile::{Arrival, Transport};
 use super::{Directional, RenderSettings};
 use crate::bvh::Box3;
 use crate::error::Result;
@@ -34,21 +37,16 @@ use crate::photon::{Model, Tracer};
 use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::Rng;
-use crate::sampling::{cosine_hemisphere, cosine_hemisphere_pdf};
 use crate::scene::{Camera, Region, Scene, medium::luminance};
 use basis::Basis;
 pub use basis::harmonics;
+use cast::Cast;
 use field::{Field, Found, Request};
 use glam::{DVec3, Vec3};
 use glow::Glow;
 pub use source::{Kept, Light, Part, SourceFunction, SourceSettings};
 use std::borrow::Cow;
 
-/// The chance of a collision in a slice of the march; and of those off surfaces.
-const SLICE: f64 = 0.125;
-const COARSE: f64 = 0.5;
-/// Beyond this optical depth nothing is seen.
-const OPAQUE: f64 = 14.0;
 /// Bricks behind more optical depth than this, from everywhere in them, are not lit.
 const HIDDEN: f64 = 9.0;
 /// What a number of a voxel takes while light is gathered and smoothed, bytes, colours included; and what it takes afterwards.
@@ -81,18 +79,10 @@ struct Channel {
     around: Option<Field>,
     /// What air sends to the camera, where there is air.
     glow: Option<Glow>,
+    /// What media send to the surfaces that the camera sees, where there are both.
+    cast: Option<Cast>,
     /// Which of R, G, B this is.
     mask: Vec3,
-}
-
-/// What a stretch of a ray brings.
-struct Stretch {
-    direct: Vec3,
-    found: Found,
-    clear: f32,
-    /// The mean distance of a collision, m, times its chance.
-    far: f64,
-    looks: u64,
 }
 
 /// Room that a tile keeps from ray to ray.
@@ -142,7 +132,9 @@ impl GridTracer {
                 let size = if part.regions.is_empty() { wide } else { part.region_bounds().size().length() };
                 Glow::new(&tracer, lens, [settings.width, settings.height], size.max(1.0) as f32, settings.seed)
             });
-            Channel { tracer, photons, view, around, glow, mask }
+            let sends = !tracer.surfaces.is_empty() && !(part.regions.is_empty() && part.air.is_empty() && part.flames.is_empty());
+            let cast = sends.then(|| Cast::new(lens, [settings.width, settings.height], settings.seed));
+            Channel { tracer, photons, view, around, glow, cast, mask }
         };
         let channels: Vec<Channel> = parts.into_iter().map(channel).collect();
         let origin = channels[0].tracer.origin;
@@ -155,7 +147,8 @@ impl GridTracer {
     /// [`crate::Error::Interrupted`].
     pub(super) fn brighten(&mut self, photons: u64, progress: &dyn Progress) -> Result<()> {
         let photons = photons.div_ceil(self.channels.len() as u64);
-        for Channel { tracer, photons: followed, view, around, glow, .. } in &mut self.channels {
+        for channel in &mut self.channels {
+            let Channel { tracer, photons: followed, view, around, glow, .. } = channel;
             if let Some(glow) = glow {
                 glow.brighten(tracer, photons, progress)?;
             }
@@ -163,6 +156,10 @@ impl GridTracer {
                 if let Some(field) = field {
                     field.brighten((followed, &tracer.bands[0].media), photons.div_ceil(fewer), progress)?;
                 }
+            }
+            if let Some(mut cast) = channel.cast.take() {
+                cast.brighten(channel, photons, progress)?;
+                channel.cast = Some(cast);
             }
         }
         Ok(())
@@ -211,93 +208,6 @@ impl Found {
         let tint = throughput * self.tint();
         arrival.groups.iter_mut().zip(self.groups).for_each(|(sum, group)| *sum += tint * group);
         arrival.doubt += tint * self.doubt;
-    }
-}
-
-impl Channel {
-    /// What arrives along a camera ray, or from the sky behind.
-    fn radiance(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
-        let tracer = &self.tracer;
-        let (mut ray, mut reach, mut own) = (view.ray, view.reach, f64::INFINITY);
-        let (mut arrival, mut throughput, mut layer) = (Arrival::default(), Vec3::ONE, Layer::Environment);
-        loop {
-            let hit = tracer.surfaces.nearest(&ray, reach);
-            let first = layer == Layer::Environment;
-            let (field, slice) =
-                if first { (&self.view, SLICE) } else { (if self.around.is_some() { &self.around } else { &self.view }, COARSE) };
-            let stretch = self.march(&ray, hit.map_or(reach, |h| h.t), field.as_ref(), slice, rng, room);
-            arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * stretch.direct;
-            arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * stretch.found.rgb;
-            stretch.found.add_to(&mut arrival, throughput);
-            arrival.collisions += stretch.looks;
-            if first {
-                arrival.depth = match hit {
-                    Some(hit) => (stretch.far + f64::from(stretch.clear) * f64::from(hit.t), 1.0),
-                    None => (stretch.far, 1.0 - f64::from(stretch.clear)),
-                };
-            }
-            if !tracer.bands[0].air.is_empty() {
-                let sent = self.air(&ray, hit.map_or(reach, |h| h.t), first, rng, room);
-                arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * sent.direct;
-                arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * (sent.found.rgb + sent.followed);
-                sent.found.add_to(&mut arrival, throughput);
-                arrival.collisions += sent.looks;
-            }
-            if !tracer.fire.is_empty() {
-                let Room { scratch, profile, own } = room;
-                let near = if first { f32::INFINITY } else { tracer.fire.near_surface() };
-                let sent = tracer.fire_along(&ray, hit.map_or(reach, |h| h.t).min(near), profile, scratch, own);
-                arrival.light[layer.beside(Layer::VolumeDirect) as usize] += throughput * sent;
-            }
-            throughput *= stretch.clear * tracer.bands[0].air.transmittance(&ray, hit.map_or(reach, |h| h.t));
-            let Some(hit) = hit else {
-                arrival.light[layer as usize] += throughput * tracer.sky.met(ray.direction, own);
-                return arrival;
-            };
-            layer = Layer::Surface;
-            throughput *= tracer.albedos[hit.owner as usize];
-            let kept = throughput.max_element().min(1.0);
-            if kept <= 0.0 {
-                return arrival;
-            }
-            let p = hit.off(&ray);
-            let light = tracer.on_surface(&tracer.bands[0], p, &hit, rng, &mut room.scratch);
-            let sky = tracer.sky_on_surface(&tracer.bands[0], p, &hit, rng, &mut room.scratch);
-            arrival.light[layer as usize] += throughput * (light + sky);
-            if rng.uniform_f32() >= kept {
-                return arrival;
-            }
-            throughput /= kept;
-            ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
-            own = cosine_hemisphere_pdf(ray.direction.dot(hit.normal)).into();
-            reach = f32::INFINITY;
-        }
-    }
-
-    /// The first `reach` metres of a ray, by slices of the chance of a collision of at most `slice`.
-    fn march(&self, ray: &Ray, reach: f32, field: Option<&Field>, slice: f64, rng: &mut Rng, room: &mut Room) -> Stretch {
-        let (tracer, band) = (&self.tracer, &self.tracer.bands[0]);
-        band.media.profile(ray, reach, OPAQUE, &mut room.scratch, &mut room.profile);
-        let depth = room.profile.depth();
-        let chance = -(-depth).exp_m1();
-        let slices = (chance / slice).ceil() as u32;
-        let weight = chance / f64::from(slices.max(1));
-        let (mut direct, mut far, mut found, mut step) = (Vec3::ZERO, 0.0, Found::default(), 0);
-        for i in 0..slices {
-            let tau = -(-(f64::from(i) + rng.uniform()) * weight).ln_1p();
-            let distance = room.profile.distance(tau, &mut step);
-            let region = room.profile.region(distance, || rng.uniform());
-            let (albedo, g) = band.optics[region as usize];
-            let before = band.air.transmittance(ray, distance);
-            let here = Ray { origin: ray.at(distance), direction: ray.direction };
-            let sun = tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch).0;
-            direct += albedo * before * (sun + tracer.lamps_in_medium(band, &here, g, rng, &mut room.scratch));
-            far += f64::from(distance);
-            if let Some(field) = field {
-                field.scattered(here.origin, -ray.direction, g, before * albedo * weight as f32, &mut found);
-            }
-        }
-        Stretch { direct: direct * weight as f32, found, clear: (-depth).exp() as f32, far: far * weight, looks: slices.into() }
     }
 }
 

@@ -3,6 +3,7 @@
 //! `cargo test --release --lib grid::tests -- --nocapture` prints every figure with its error.
 
 mod air;
+mod cast;
 mod fit;
 mod sky;
 
