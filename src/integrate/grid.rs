@@ -132,8 +132,8 @@ impl GridTracer {
                 let size = if part.regions.is_empty() { wide } else { part.region_bounds().size().length() };
                 Glow::new(&tracer, lens, [settings.width, settings.height], size.max(1.0) as f32, settings.seed)
             });
-            let sends = !tracer.surfaces.is_empty() && !(part.regions.is_empty() && part.air.is_empty() && part.flames.is_empty());
-            let cast = sends.then(|| Cast::new(lens, [settings.width, settings.height], settings.seed));
+            let media = !part.regions.is_empty() || !part.air.is_empty() || !part.flames.is_empty();
+            let cast = (media && !tracer.surfaces.is_empty()).then(|| Cast::new(lens, [settings.width, settings.height], settings.seed));
             Channel { tracer, photons, view, around, glow, cast, mask }
         };
         let channels: Vec<Channel> = parts.into_iter().map(channel).collect();
