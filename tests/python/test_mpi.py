@@ -355,7 +355,8 @@ def test_a_run_goes_on_from_its_checkpoint_to_the_same_bytes(tmp_path, name, by)
             assert by == signal.SIGKILL or "goes on from" in err, err
     assert stops > 0, "nothing was interrupted"
     assert (tmp_path / output).read_bytes() == (tmp_path / f"whole_{output}").read_bytes()
-    assert not (tmp_path / "run.checkpoint").exists()
+    # One that was killed once the output stood had no time to tidy up.
+    assert process.returncode != 0 or not (tmp_path / "run.checkpoint").exists()
 
 
 def test_the_checkpoint_of_another_run_is_refused(tmp_path):
