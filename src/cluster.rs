@@ -23,6 +23,7 @@
 //! | --- | --- | --- | --- | --- |
 //! | duality, N photons stored (24 bytes each; each path's count of photons) | 24.6 N (n - 1 + share not traced by rank 0) | 48.2 MB | 92.9 MB | 118.3 MB |
 //! | `grid`, V voxels (8 bytes, 5 classes, 16 groups, a ring) | 1280 V (n - 1) | 0.98 GB | | 2.95 GB |
+//! | places on surfaces, `grid`, at most 7,000 (116 bytes) | 116 (n - 1 + share not followed by rank 0) | | | |
 //! | pixels, P (84 bytes) | 84 P (n - 1 + share not rendered by rank 0) | 9.2 MB | 16.4 MB | 23.2 MB |
 //!
 //! (`scenes/cumulus.gltf`; N = 1M; V = 716,288 and 1.25M photons, with 320 x 240 pixels; P = 320 x 240. The model says 0.92 and 2.75 GB of voxels

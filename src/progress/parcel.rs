@@ -1,6 +1,6 @@
 //! What items give, as bytes on their way: numbers as the machine has them, behind their count. Ranks are of one kind.
 
-use bytemuck::{AnyBitPattern, NoUninit};
+use bytemuck::{AnyBitPattern, NoUninit, Pod};
 
 /// What can travel.
 pub trait Parcel: Sized + Send {
@@ -18,6 +18,18 @@ impl<T: NoUninit + AnyBitPattern + Send> Parcel for Vec<T> {
 
     fn unpack(from: &mut Parcels) -> Option<Self> {
         from.take()
+    }
+}
+
+/// Values where there are any.
+impl<T: Pod + Send> Parcel for Option<T> {
+    fn pack(&self, into: &mut Vec<u8>) {
+        put(self.as_slice(), into);
+    }
+
+    fn unpack(from: &mut Parcels) -> Option<Self> {
+        let values: Vec<T> = from.take()?;
+        (values.len() < 2).then(|| values.first().copied())
     }
 }
 
@@ -67,6 +79,11 @@ mod tests {
         assert_eq!((all.some(), all.0.len()), (Some([0x0102_0304u32]), 0));
         assert_eq!(Parcels(&bytes).some::<f64, 3>(), None);
         assert_eq!(Parcels(&bytes[..23]).take::<f64>(), None);
+        let mut bytes = Vec::new();
+        [None, Some(7u32)].iter().for_each(|option| option.pack(&mut bytes));
+        let mut both = Parcels(&bytes);
+        assert_eq!((Parcel::unpack(&mut both), Parcel::unpack(&mut both)), (Some(None::<u32>), Some(Some(7u32))));
+        assert_eq!(both.whole::<Option<u32>>(), None);
         assert_eq!(Parcels(&u64::MAX.to_le_bytes()).take::<f64>(), None);
     }
 }

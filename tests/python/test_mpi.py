@@ -335,28 +335,47 @@ def resumable(name, output, *more):
     return [SCENES / "cumulus.gltf", *PICTURES[name], "--size", "64x48", "--threads", "2", "-o", output, *more]
 
 
+# Where each is stopped, start by start: a stage, and how much of it is done at least. What is over before the last counts as more than that.
+STOPS = {
+    "path": [("render", 0.2), ("render", 0.5)],
+    "grid": [("photons", 0.3), ("smoothing", 0), ("render", 0)],
+    "duality": [("photons", 0.2), ("photons", 0.6), ("regions", 0)],
+}
+
+
+def told(process, stage, share):
+    """What the run says of its progress, until so much of a stage, or the next one, is reached: (stage, share) one by one."""
+    said = []
+    for line in process.stderr:
+        event = json.loads(line)
+        assert event["event"] == "progress", f"the run ended before {stage}: {said}"
+        said.append((event["stage"], event["fraction"]))
+        if (event["stage"] == stage and event["fraction"] >= share) or (stage, 0.0) in said[:-1] and event["stage"] != stage:
+            return said
+    raise AssertionError(f"the run ended before {stage}: {said}")
+
+
 @pytest.mark.parametrize("name, by", [("path", signal.SIGINT), ("path", signal.SIGKILL), ("grid", signal.SIGKILL), ("duality", signal.SIGKILL)])
 def test_a_run_goes_on_from_its_checkpoint_to_the_same_bytes(tmp_path, name, by):
-    output = "out.vdb" if name == "duality" else "out.exr"
-    whole = command.succeed(*resumable(name, tmp_path / f"whole_{output}"))
-    stops, patience = 0, max(0.3, 0.3 * whole.seconds)
-    while not (tmp_path / output).exists() and stops < 20:
-        process = subprocess.Popen([str(command.binary()), *map(str, resumable(name, tmp_path / output, "--checkpoint", tmp_path / "run.checkpoint"))],
-                                   stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=command.environment())
-        try:
-            _, err = process.communicate(timeout=patience)
-            assert process.returncode == 0, err
-        except subprocess.TimeoutExpired:
-            process.send_signal(by)
-            _, err = process.communicate(timeout=30)
-            # What is not kept (voxels) must fit between two stops.
-            stops, patience = stops + 1, 1.3 * patience
-            assert process.returncode != 0 and (tmp_path / "run.checkpoint").exists()
-            assert by == signal.SIGKILL or "goes on from" in err, err
-    assert stops > 0, "nothing was interrupted"
+    output, kept = "out.vdb" if name == "duality" else "out.exr", tmp_path / "run.checkpoint"
+    command.succeed(*resumable(name, tmp_path / f"whole_{output}"))
+    job = list(map(str, resumable(name, tmp_path / output, "--checkpoint", kept)))
+    before = None
+    for stage, share in STOPS[name]:
+        process = subprocess.Popen([str(command.binary()), *job, "--progress", "json"], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                                   text=True, bufsize=1, env=command.environment())
+        said = told(process, stage, share)
+        process.send_signal(by)
+        _, err = process.communicate(timeout=30)
+        assert process.returncode != 0 and kept.exists() and not (tmp_path / output).exists(), err
+        assert by == signal.SIGKILL or "goes on from" in err, err
+        # It did go on: what items were done then, it begins with.
+        again = next((done for at, done in said if at == stage and done > 0), 0)
+        assert before is None or before[0] != stage or again >= before[1], (before, said)
+        before = said[-1]
+    command.succeed(*job)
     assert (tmp_path / output).read_bytes() == (tmp_path / f"whole_{output}").read_bytes()
-    # One that was killed once the output stood had no time to tidy up.
-    assert process.returncode != 0 or not (tmp_path / "run.checkpoint").exists()
+    assert not kept.exists()
 
 
 def test_the_checkpoint_of_another_run_is_refused(tmp_path):

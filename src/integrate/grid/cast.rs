@@ -8,7 +8,7 @@ use super::{Channel, Room};
 use crate::error::Result;
 use crate::integrate::lens::Lens;
 use crate::photon::GROUPS;
-use crate::progress::{Parcel, Parcels, Progress, put, share};
+use crate::progress::{Progress, share};
 use crate::rng::{Rng, Stage};
 use crate::trimesh::Hit;
 use glam::{UVec2, Vec2, Vec3};
@@ -36,7 +36,7 @@ pub(super) struct Cast {
     pixels: Vec2,
     size: UVec2,
     seed: u64,
-    /// None where the camera sees no surface.
+    /// None where the camera sees no surface, or one that is black.
     places: Vec<Option<Place>>,
 }
 
@@ -51,20 +51,6 @@ struct Place {
     normal: Vec3,
     /// One over the distance from which light comes or at which it is hidden, 1/m.
     nearness: f32,
-}
-
-/// Of one place, as it travels.
-struct Lit(Option<Place>);
-
-impl Parcel for Lit {
-    fn pack(&self, into: &mut Vec<u8>) {
-        put(self.0.as_slice(), into);
-    }
-
-    fn unpack(from: &mut Parcels) -> Option<Self> {
-        let places: Vec<Place> = from.take()?;
-        Some(Lit(places.first().copied()))
-    }
 }
 
 impl Cast {
@@ -83,9 +69,8 @@ impl Cast {
         let places = u64::from(self.size.element_product());
         let ways = (photons / (PHOTONS_A_WAY * places * GROUPS as u64)).max(1);
         progress.begin("surfaces", places);
-        let one = |place: u64| Lit(if progress.cancelled() { None } else { self.follow(channel, place, ways) });
-        let lit: Vec<Lit> = share(0..places, one, progress, |done| progress.at(done))?;
-        self.places = lit.into_iter().map(|lit| lit.0).collect();
+        let one = |place: u64| if progress.cancelled() { None } else { self.follow(channel, place, ways) };
+        self.places = share(0..places, one, progress, |done| progress.at(done))?;
         progress.check()
     }
 
@@ -94,6 +79,9 @@ impl Cast {
         let at = UVec2::new(number as u32 % self.size.x, number as u32 / self.size.x).as_vec2() / (self.size - 1).as_vec2() * self.pixels;
         let view = self.lens.view(at.x, at.y);
         let hit = channel.tracer.surfaces.nearest(&view.ray, view.reach)?;
+        if channel.tracer.albedos[hit.owner as usize] == Vec3::ZERO {
+            return None;
+        }
         let mut place = Place { position: hit.off(&view.ray), normal: hit.normal, ..Place::default() };
         let (mut rng, mut room) = (Rng::new(self.seed, Stage::Cast, number), Room::default());
         let each = 1.0 / (ways * GROUPS as u64) as f32;

@@ -8,7 +8,7 @@ use crate::integrate::lens::Lens;
 use crate::integrate::path::PathTracer;
 use crate::media::Scratch;
 use crate::photon::GROUPS;
-use crate::progress::{Parcel, Parcels, Progress, put, share};
+use crate::progress::{Progress, share};
 use crate::rng::{Rng, Stage};
 use crate::sampling::around;
 use crate::scene::air::MOST_LAYERS;
@@ -35,23 +35,8 @@ pub(super) struct Glow {
     seed: u64,
     /// Paths of each group, place and layer.
     paths: u64,
-    /// Of each place and layer; none where surfaces hide it.
-    light: Vec<Light>,
-}
-
-/// Light at a place, by layers.
-#[derive(Debug)]
-struct Light(Option<[Sums; MOST_LAYERS]>);
-
-impl Parcel for Light {
-    fn pack(&self, into: &mut Vec<u8>) {
-        put(self.0.as_ref().map_or(&[], |sums| &sums[..]), into);
-    }
-
-    fn unpack(from: &mut Parcels) -> Option<Self> {
-        let sums: Vec<Sums> = from.take()?;
-        if sums.is_empty() { Some(Light(None)) } else { Some(Light(Some(sums.try_into().ok()?))) }
-    }
+    /// Of each place, by layers; none where surfaces hide it.
+    light: Vec<Option<[Sums; MOST_LAYERS]>>,
 }
 
 /// Radiance as a sum over paths, W m^-2 sr^-1: its luminance by groups, and the channels of all.
@@ -87,7 +72,7 @@ impl Glow {
         progress.begin("air", places.into());
         let one = |place: u64| {
             let mut rng = Rng::new(self.seed, Stage::Air, place);
-            Light(if progress.cancelled() { None } else { self.follow(tracer, place as u32, &mut rng, &mut Scratch::default()) })
+            if progress.cancelled() { None } else { self.follow(tracer, place as u32, &mut rng, &mut Scratch::default()) }
         };
         self.light = share(0..u64::from(places), one, progress, |done| progress.at(done))?;
         progress.check()
@@ -134,7 +119,7 @@ impl Glow {
             let weight = Vec3::select(bit.cmpeq(UVec3::ONE), f, 1.0 - f).element_product();
             let corner = (cell + bit).min(self.size - 1);
             let place = ((corner.z * self.size.y + corner.y) * self.size.x + corner.x) as usize;
-            if self.light[place].0.is_some() {
+            if self.light[place].is_some() {
                 whole += weight;
                 *found = (weight, place);
             }
@@ -145,7 +130,7 @@ impl Glow {
         let each = share / (whole * (self.paths * GROUPS as u64) as f32);
         let of_grey = grey(each);
         for (weight, place) in found.into_iter().filter(|f| f.0 > 0.0) {
-            let Some(light) = self.light[place].0.map(|light| light[layer]) else { continue };
+            let Some(light) = self.light[place].map(|light| light[layer]) else { continue };
             into.groups.iter_mut().zip(light.groups).for_each(|(sum, light)| *sum += of_grey * weight * light);
             into.rgb += each * weight * light.rgb;
         }

@@ -22,7 +22,7 @@ fn lit_ground(scene: &Scene, photons: u64) -> (Channel, Cast, Lens) {
 fn what_clouds_cast_is_what_many_directions_bring() {
     let mut scene = lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(5.0, 0.99, 0.8))]);
     scene.surfaces.push(ground(0.5));
-    let (channel, cast, lens) = lit_ground(&scene, 200_000);
+    let (channel, cast, lens) = lit_ground(&scene, 800_000);
     let mut room = Room::default();
     let (mut sums, mut told, mut worst) = ([0.0f64; 2], 0, 0.0f64);
     let mut variance = 0.0;
