@@ -74,12 +74,13 @@ impl Channel {
                 }
                 return arrival;
             };
-            layer = Layer::Surface;
             throughput *= tracer.albedos[hit.owner as usize];
-            let kept = throughput.max_element().min(1.0);
-            if kept <= 0.0 {
+            // What the camera sees is worth a direction each time; what is seen of that plays roulette.
+            let kept = if layer == Layer::Environment { 1.0 } else { throughput.max_element().min(1.0) };
+            if throughput == Vec3::ZERO {
                 return arrival;
             }
+            layer = Layer::Surface;
             let p = hit.off(&ray);
             if counted != Counted::Media {
                 let light = tracer.on_surface(band, p, &hit, rng, &mut room.scratch);
