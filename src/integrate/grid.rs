@@ -19,6 +19,7 @@ mod field;
 mod fit;
 mod frame;
 mod glow;
+mod orders;
 mod source;
 mod space;
 mod sums;
@@ -44,6 +45,7 @@ use cast::Cast;
 use field::{Field, Found, Request};
 use glam::{DVec3, Vec3};
 use glow::Glow;
+use orders::Orders;
 pub use source::{Kept, Light, Part, SourceFunction, SourceSettings};
 use std::borrow::Cow;
 
@@ -114,17 +116,21 @@ impl GridTracer {
             let once = plan.orders == Some(1) && !sends(&part, plan);
             if !part.regions.is_empty() && photons.strongest() > 0.0 && !once {
                 let media = &tracer.bands[0].media;
-                let field = |basis: Basis, seen: &(dyn Fn(Box3) -> bool + Sync), first: u64, coarser: f64, fewer: u64| {
-                    let worth = told.min(shown).max(LEAST_VOXELS) / fewer;
-                    let voxels = (held / basis.len() as u64).min(worth) as usize;
-                    let (scene, origin, seed) = (&*part, tracer.origin, settings.seed);
-                    Field::new(Request { scene, media, basis, origin, seen, first, seed, voxels, coarser })
-                };
+                let field =
+                    |(basis, orders): (Basis, Orders), seen: &(dyn Fn(Box3) -> bool + Sync), first: u64, coarser: f64, fewer: u64| {
+                        let worth = told.min(shown).max(LEAST_VOXELS) / fewer;
+                        let voxels = (held / basis.len() as u64).min(worth) as usize;
+                        let (scene, origin, seed) = (&*part, tracer.origin, settings.seed);
+                        Field::new(Request { scene, media, basis, orders, origin, seen, first, seed, voxels, coarser })
+                    };
                 if settings.photon.directional == Directional::View {
-                    view = Some(field(Basis::view(&part, lens.position()), &|brick| sees(&lens, media, brick), 0, 1.0, 1));
-                    around = (!tracer.surfaces.is_empty()).then(|| field(ALL, &|_| true, FIRST, COARSER, FEWER));
+                    let orders = Orders::similarly(&part, tracer.origin);
+                    let through = orders.similar().map_or_else(|| media.clone(), |similar| similar.media.clone());
+                    let basis = Basis::view(&part, lens.position(), orders.similar().is_some());
+                    view = Some(field((basis, orders), &|brick| sees(&lens, &through, brick), 0, 1.0, 1));
+                    around = (!tracer.surfaces.is_empty()).then(|| field((ALL, Orders::own()), &|_| true, FIRST, COARSER, FEWER));
                 } else {
-                    view = Some(field(ALL, &|_| true, 0, 1.0, 1));
+                    view = Some(field((ALL, Orders::own()), &|_| true, 0, 1.0, 1));
                 }
             }
             let glow = (!part.air.is_empty()).then(|| {

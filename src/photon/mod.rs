@@ -10,6 +10,7 @@ mod lamp;
 pub mod map;
 pub mod nearest;
 mod rules;
+mod similar;
 mod sky;
 pub mod trace;
 mod witness;
@@ -17,6 +18,7 @@ mod witness;
 pub use colour::Colour;
 pub use map::{PhotonMap, PhotonTree};
 pub use nearest::{Nearest, Neighbourhood};
+pub use similar::SimilarMedia;
 pub use trace::{Shot, Tracer};
 pub use witness::Witness;
 

@@ -21,7 +21,7 @@ use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::{Rng, Stage};
 use crate::sampling::around;
-use crate::scene::{Air, Dome, Region, Scene, Shape, medium::luminance};
+use crate::scene::{Air, Dome, Phase, Region, Scene, Shape, medium::luminance};
 use crate::stats::{Estimate, Ratios};
 use crate::trimesh::TriMesh;
 use branch::Branch;
@@ -337,13 +337,16 @@ impl Tracer {
         let grids = self.model == Model::Hura2006 && self.media.has_grids();
         loop {
             let tau = R::optical_depth(rng);
-            let flight = self.media.fly(&at.ray, f32::INFINITY, tau, hint, rng, scratch);
+            let events = collisions + u64::from(at.bounced);
+            let similar = witness.similar(events);
+            let media = similar.map_or(&self.media, |similar| &similar.media);
+            let flight = media.fly(&at.ray, f32::INFINITY, tau, hint, rng, scratch);
             let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
             let hit = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&at.ray, reach) };
             let reach = hit.as_ref().map_or(reach, |h| h.t);
             let in_air = if self.air.is_empty() { None } else { self.air.fly(&at.ray, reach, &at.spectrum, rng) };
             let reach = in_air.map_or(reach, |(distance, _)| distance);
-            witness.flight(&at.ray, reach, at.power * share, at.colour(&self.air), collisions + u64::from(at.bounced), rng);
+            witness.flight(&at.ray, reach, at.power * share, at.colour(&self.air), events, rng);
             at.tint *= at.spectrum.flown(&self.air, &at.ray, reach, in_air.map(|(_, layer)| layer));
             if let Some((distance, layer)) = in_air {
                 match at.in_air(distance, layer, rng) {
@@ -368,7 +371,7 @@ impl Tracer {
             let Flight::Collision { distance, region, sigma_t } = flight else {
                 return batch.end(Fate::Escaped, &at);
             };
-            let optics = self.media.optics(region);
+            let optics = media.optics(region);
             let p = at.ray.at(distance);
             let p = self.wrap.map_or(p, |tile| tile.wrapped(p));
             collisions += 1;
@@ -389,7 +392,8 @@ impl Tracer {
                 batch.photons.push(Photon::new(p, at.ray.direction, stored as f32, region, batch.ends.len()));
             }
             let mut albedo = optics.albedo;
-            if let Some(tints) = self.tints() {
+            // Those media absorb without a colour.
+            if let Some(tints) = self.tints().filter(|_| similar.is_none()) {
                 albedo = tints.kept[region as usize];
                 at.tint *= tints.regions[region as usize];
             }
@@ -404,21 +408,23 @@ impl Tracer {
                 return;
             }
             let before = at.ray.direction;
-            if let Some((direction, part)) = witness.aside(p, before, optics.g, rng) {
-                let ray = Ray { origin: p, direction };
-                let reach = self.reach(&ray, sigma_t, &at.spectrum, rng, scratch);
-                witness.flight(&ray, reach, at.power * part, at.colour(&self.air), collisions + u64::from(at.bounced), rng);
+            let phase = similar.map_or(Phase::henyey_greenstein(optics.g), |similar| similar.phase(region));
+            if let Some((direction, part)) = witness.aside(p, before, phase, rng) {
+                let (ray, events) = (Ray { origin: p, direction }, collisions + u64::from(at.bounced));
+                let media = witness.similar(events).map_or(&self.media, |similar| &similar.media);
+                let reach = self.reach(media, &ray, sigma_t, &at.spectrum, rng, scratch);
+                witness.flight(&ray, reach, at.power * part, at.colour(&self.air), events, rng);
             }
-            let (cos, sin) = R::scatter(optics.g, rng.uniform());
+            let (cos, sin) = if similar.is_some() { phase.sample(rng) } else { R::scatter(optics.g, rng.uniform()) };
             at.ray = Ray { origin: p, direction: around(before, cos as f32, sin as f32, rng.uniform_f32()) };
             hint = sigma_t;
-            share = witness.share(p, before, at.ray.direction, optics.g);
+            share = witness.share(p, before, at.ray.direction, phase);
         }
     }
 
     /// How far a flight along a ray goes, to a collision or to a surface.
-    fn reach(&self, ray: &Ray, hint: f64, spectrum: &Spectrum, rng: &mut Rng, scratch: &mut Scratch) -> f32 {
-        let flight = self.media.fly(ray, f32::INFINITY, rng.optical_depth(), hint, rng, scratch);
+    fn reach(&self, media: &Media, ray: &Ray, hint: f64, spectrum: &Spectrum, rng: &mut Rng, scratch: &mut Scratch) -> f32 {
+        let flight = media.fly(ray, f32::INFINITY, rng.optical_depth(), hint, rng, scratch);
         let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
         let reach = if self.surfaces.is_empty() { reach } else { self.surfaces.nearest(ray, reach).map_or(reach, |h| h.t) };
         if self.air.is_empty() { reach } else { self.air.fly(ray, reach, spectrum, rng).map_or(reach, |(distance, _)| distance) }

@@ -1,8 +1,10 @@
 //! Who is told where photons fly.
 
 use super::colour::Colour;
+use super::similar::SimilarMedia;
 use crate::geom::Ray;
 use crate::rng::Rng;
+use crate::scene::Phase;
 use glam::Vec3;
 
 /// Who is told of photons' flights, and may have some of its own.
@@ -14,14 +16,19 @@ pub trait Witness: Sync {
     /// number of paths) and colour that has collided or bounced `events` times.
     fn flight(&self, ray: &Ray, reach: f32, power: f64, colour: Colour, events: u64, rng: &mut Rng);
 
-    /// Whether a flight that begins at `p`, where a photon that came along `before` scatters with mean cosine `g`, is wanted in a
+    /// The media that a photon meets that has collided or bounced `events` times, where they are not the scene's own.
+    fn similar(&self, _events: u64) -> Option<&SimilarMedia> {
+        None
+    }
+
+    /// Whether a flight that begins at `p`, where a photon that came along `before` scatters by a phase function, is wanted in a
     /// direction of the witness's own; and the part of the photon's power that it stands for.
-    fn aside(&self, _p: Vec3, _before: Vec3, _g: f64, _rng: &mut Rng) -> Option<(Vec3, f64)> {
+    fn aside(&self, _p: Vec3, _before: Vec3, _phase: Phase, _rng: &mut Rng) -> Option<(Vec3, f64)> {
         None
     }
 
     /// What of the power is left to the photon's own flight in `direction`.
-    fn share(&self, _p: Vec3, _before: Vec3, _direction: Vec3, _g: f64) -> f64 {
+    fn share(&self, _p: Vec3, _before: Vec3, _direction: Vec3, _phase: Phase) -> f64 {
         1.0
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! Directions are those of propagation: `cos` is w_in . w_out, forward is +1; normalised to 1 over 4 pi (thesis eq. 7).
 
+use crate::rng::Rng;
 use glam::Vec3;
 use std::f64::consts::PI;
 
@@ -34,6 +35,39 @@ pub fn sample_henyey_greenstein(g: f64, xi: f64) -> (f64, f64) {
     let plus = 2.0 * (1.0 + a) * (1.0 + a) * xi * (1.0 - a + a * xi) * inv;
     let cos = if minus < plus { 1.0 - minus } else { plus - 1.0 };
     (if g < 0.0 { -cos } else { cos }, (minus * plus).max(0.0).sqrt())
+}
+
+/// A Henyey-Greenstein function, of which an even part may be taken away: part HG(g) + (1 - part) / (4 pi).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Phase {
+    /// The mean cosine of the Henyey-Greenstein function.
+    pub g: f64,
+    /// What it counts, 1 or more; the whole is not below zero.
+    pub part: f64,
+}
+
+impl Phase {
+    /// The function itself.
+    pub fn henyey_greenstein(g: f64) -> Self {
+        Phase { g, part: 1.0 }
+    }
+
+    /// Its value in 1/sr, at the cosine given as 1 - cos(theta).
+    pub fn value(&self, one_minus_cos: f64) -> f64 {
+        self.part * henyey_greenstein(self.g, one_minus_cos) + (1.0 - self.part) / (4.0 * PI)
+    }
+
+    /// (cos, sin) of a scattering angle distributed so.
+    #[inline]
+    pub fn sample(&self, rng: &mut Rng) -> (f64, f64) {
+        loop {
+            let turn = sample_henyey_greenstein(self.g, rng.uniform());
+            // What is taken away is as likely as the even part is a part there.
+            if self.part == 1.0 || rng.uniform() * (4.0 * PI * self.part * henyey_greenstein(self.g, 1.0 - turn.0)) >= self.part - 1.0 {
+                return turn;
+            }
+        }
+    }
 }
 
 /// (cos, sin) by eq. 19 to the letter, as `--model hura2006` asks: cancels near g = 0, and 0/0 at it (isotropic then, eq. 5).

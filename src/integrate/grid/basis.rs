@@ -1,9 +1,9 @@
 //! What of light's directions a field keeps.
 
 use crate::integrate::lobe::Lobe;
+use crate::rng::Rng;
 use crate::sampling::around;
-use crate::scene::Scene;
-use crate::scene::phase::sample_henyey_greenstein;
+use crate::scene::{Phase, Scene, Similar};
 use glam::Vec3;
 
 /// Real spherical harmonics of degrees 0 to 3.
@@ -20,6 +20,8 @@ pub(super) enum Basis {
         /// The mean cosines, in increasing order.
         cosines: Vec<f64>,
         lobes: Vec<Lobe>,
+        /// Those of the media that pass for the scene's, where there are any.
+        wide: Vec<Lobe>,
     },
     /// Any: radiance by harmonics of its direction of travel, of all degrees up to one of 0 to 2. A phase function of mean cosine g
     /// scatters degree l by g^l. With an axis, those of the next degree too, and after them the Legendre moment of the one after that about
@@ -31,13 +33,17 @@ pub(super) enum Basis {
 pub(super) const AROUND: usize = HARMONICS + 1;
 
 impl Basis {
-    /// For a camera at `eye`.
-    pub fn view(scene: &Scene, eye: Vec3) -> Self {
+    /// For a camera at `eye`, that sees light through the scene's media or through similar ones: then what scatters in the scene's own is worth
+    /// more, as its light is looked up per optical depth of the others.
+    pub fn view(scene: &Scene, eye: Vec3, similar: bool) -> Self {
         let mut cosines: Vec<f64> = scene.regions.iter().map(|r| r.medium.g).collect();
         cosines.sort_unstable_by(f64::total_cmp);
         cosines.dedup();
-        let lobes = cosines.iter().map(|&g| Lobe::new(g, Vec3::Z)).collect();
-        Basis::View { eye, cosines, lobes }
+        let wide = cosines.iter().map(|&g| Similar::to(g)).filter(|_| similar);
+        let worth = |g: f64| if similar { 1.0 / (1.0 - Similar::to(g).straight) } else { 1.0 };
+        let lobes = cosines.iter().map(|&g| Lobe::new(g, Vec3::Z).times(worth(g))).collect();
+        let wide = wide.map(|similar| Lobe::of(similar.phase, Vec3::Z)).collect();
+        Basis::View { eye, cosines, lobes, wide }
     }
 
     /// Numbers that a voxel has.
@@ -57,13 +63,13 @@ impl Basis {
         }
     }
 
-    /// What light that travels along `direction` at `p` makes of each.
+    /// What light that travels along `direction` at `p` makes of each, by the wider phase functions or by the scene's.
     #[inline]
-    pub fn each(&self, p: Vec3, direction: Vec3, mut visit: impl FnMut(usize, f32)) {
+    pub fn each(&self, p: Vec3, direction: Vec3, wider: bool, mut visit: impl FnMut(usize, f32)) {
         match self {
-            Basis::View { eye, lobes, .. } => {
+            Basis::View { eye, lobes, wide, .. } => {
                 let outward = (*eye - p).normalize_or_zero();
-                for (number, lobe) in lobes.iter().enumerate() {
+                for (number, lobe) in if wider { wide } else { lobes }.iter().enumerate() {
                     visit(number, lobe.toward(outward).value(direction));
                 }
             }
@@ -91,22 +97,22 @@ impl Basis {
         }
     }
 
-    /// A direction toward the camera, by a phase function of mean cosine `g` around it.
+    /// A direction toward the camera, by a phase function around it.
     #[inline]
-    pub fn toward(&self, p: Vec3, g: f64, (u, v): (f64, f32)) -> Option<Vec3> {
+    pub fn toward(&self, p: Vec3, phase: Phase, rng: &mut Rng) -> Option<Vec3> {
         let Basis::View { eye, .. } = self else { return None };
-        let (cos, sin) = sample_henyey_greenstein(g, u);
-        Some(around((*eye - p).try_normalize()?, cos as f32, sin as f32, v))
+        let (cos, sin) = phase.sample(rng);
+        Some(around((*eye - p).try_normalize()?, cos as f32, sin as f32, rng.uniform_f32()))
     }
 
     /// Of light scattered from `before` into `direction` at `p`, the part that belongs to the phase function's own sampling, where
     /// directions are drawn by [`Basis::toward`] too, `aside` times as often (the balance heuristic; Veach 1997, 9.2).
     #[inline]
-    pub fn own(&self, p: Vec3, before: Vec3, direction: Vec3, g: f64, aside: f32) -> f32 {
-        let Basis::View { eye, cosines, lobes } = self else { return 1.0 };
+    pub fn own(&self, p: Vec3, before: Vec3, direction: Vec3, phase: Phase, aside: f32) -> f32 {
+        let Basis::View { eye, .. } = self else { return 1.0 };
         let Some(outward) = (*eye - p).try_normalize() else { return 1.0 };
-        let lobe = lobes[cosines.iter().position(|&c| c == g).unwrap_or(0)];
-        let own = lobe.toward(before).value(direction);
+        let lobe = Lobe::of(phase, before);
+        let own = lobe.value(direction);
         own / (own + aside * lobe.toward(outward).value(direction))
     }
 }

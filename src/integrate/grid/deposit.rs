@@ -2,22 +2,23 @@
 
 use super::basis::Basis;
 use super::field::Groups;
+use super::orders::{OWN, Orders};
 use super::space::Space;
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::media::Media;
-use crate::photon::{Colour, GROUPS, Tracer, Witness};
+use crate::photon::{Colour, GROUPS, SimilarMedia, Tracer, Witness};
 use crate::progress::Progress;
 use crate::rng::Rng;
-use crate::scene::medium::luminance;
+use crate::scene::{Phase, medium::luminance};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The last order of each class of light: what has scattered alike often is smoothed alike.
-pub(super) const CLASSES: [u64; 5] = [2, 4, 8, 16, u64::MAX];
 /// Points along a flight are so many mean free paths apart, or a voxel where that is more.
 const SPACING: f64 = 1.0;
+/// And so many times as far in similar media, whose free paths are longer.
+const WIDER: f32 = 2.0;
 /// Phase functions with a mean cosine nearer to 0 have no peak worth aiming with.
 const PEAKED: f64 = 0.3;
 /// How many flights are aimed at the camera, per collision.
@@ -29,18 +30,18 @@ const WHOLE: f64 = (1u64 << 36) as f64;
 /// as a sum.
 pub(super) struct Gathered {
     /// Luminance, by groups.
-    pub light: [Vec<Groups>; CLASSES.len()],
+    pub light: Vec<Vec<Groups>>,
     /// Red and blue of all groups, where colours ride along; else nothing.
-    pub colour: [Vec<[f32; 2]>; CLASSES.len()],
+    pub colour: Vec<Vec<[f32; 2]>>,
 }
 
 impl Gathered {
     /// Room for what photons leave.
-    pub fn empty(space: &Space, basis: &Basis, coloured: bool) -> Self {
+    pub fn empty(space: &Space, basis: &Basis, classes: usize, coloured: bool) -> Self {
         let places = space.frame.voxels() * basis.len();
         Gathered {
-            light: CLASSES.map(|_| vec![[0.0f32; GROUPS]; places]),
-            colour: CLASSES.map(|_| vec![[0.0f32; 2]; if coloured { places } else { 0 }]),
+            light: vec![vec![[0.0f32; GROUPS]; places]; classes],
+            colour: vec![vec![[0.0f32; 2]; if coloured { places } else { 0 }]; classes],
         }
     }
 }
@@ -50,7 +51,7 @@ impl Gathered {
 /// # Errors
 /// [`crate::Error::Interrupted`].
 pub(super) fn gather(
-    (tracer, media, basis): (&Tracer, &Media, &Basis),
+    (tracer, media, basis, orders): (&Tracer, &Media, &Basis, &Orders),
     space: &Space,
     (first, items): (u64, u64),
     seed: u64,
@@ -62,9 +63,9 @@ pub(super) fn gather(
     let whole = WHOLE / (tracer.strongest() * basis.peak());
     let places = space.frame.voxels() * basis.len();
     let channels = if tracer.tint().is_none() { 3 } else { 1 };
-    let sums = (0..places * CLASSES.len() * channels).into_par_iter().map(|_| AtomicU64::new(0)).collect();
+    let sums = (0..places * orders.count() * channels).into_par_iter().map(|_| AtomicU64::new(0)).collect();
     let held = space.fill.iter().map(|fill| Held::of(fill.share)).collect();
-    let mut deposits = Deposits { space, basis, media, held, sums, channels, whole, spacing: spacing as f32 };
+    let mut deposits = Deposits { space, basis, orders, media, held, sums, channels, whole, spacing: spacing as f32 };
     let unit = spacing / (whole * step.powi(2));
     progress.begin("photons", items * GROUPS as u64);
     for group in 0..GROUPS {
@@ -107,6 +108,7 @@ impl Held {
 struct Deposits<'a> {
     space: &'a Space,
     basis: &'a Basis,
+    orders: &'a Orders,
     media: &'a Media,
     /// Of each voxel: a byte, for the sake of the cache.
     held: Vec<Held>,
@@ -122,7 +124,7 @@ struct Deposits<'a> {
 impl Deposits<'_> {
     /// A sum, in units of its own.
     fn take(&self, place: usize, class: usize, channel: usize) -> f64 {
-        self.sums[(place * CLASSES.len() + class) * self.channels + channel].load(Ordering::Relaxed) as i64 as f64
+        self.sums[(place * self.orders.count() + class) * self.channels + channel].load(Ordering::Relaxed) as i64 as f64
     }
 }
 
@@ -130,31 +132,37 @@ impl Witness for Deposits<'_> {
     const KEEPS: bool = false;
 
     #[inline]
+    fn similar(&self, events: u64) -> Option<&SimilarMedia> {
+        self.orders.similar().filter(|_| events >= OWN)
+    }
+
+    #[inline]
     fn flight(&self, ray: &Ray, reach: f32, power: f64, colour: Colour, events: u64, rng: &mut Rng) {
         if events == 0 {
             return;
         }
-        let class = CLASSES.iter().filter(|&&last| last < events + 1).count();
-        let share = (power * self.whole) as f32;
-        self.space.frame.along(ray, reach, (self.spacing, rng.uniform_f32()), |p, voxel| {
+        let (class, classes, wider) = (self.orders.class(events + 1), self.orders.count(), self.similar(events).is_some());
+        let spacing = self.spacing * if wider { WIDER } else { 1.0 };
+        let share = (power * self.whole) as f32 * if wider { WIDER } else { 1.0 };
+        self.space.frame.along(ray, reach, (spacing, rng.uniform_f32()), |p, voxel| {
             match self.held[voxel] {
                 Held::All => {}
                 Held::Part if self.media.extinction(p) > 0.0 => {}
                 _ => return,
             }
-            let first = voxel * self.basis.len() * CLASSES.len() + class;
+            let first = voxel * self.basis.len() * classes + class;
             // Below zero as the two's complement: sums come out right.
             let add = |place: usize, light: f32| self.sums[place].fetch_add(light as i64 as u64, Ordering::Relaxed);
             if self.channels == 1 {
-                self.basis.each(p, ray.direction, |number, value| {
-                    add(first + number * CLASSES.len(), share * value);
+                self.basis.each(p, ray.direction, wider, |number, value| {
+                    add(first + number * classes, share * value);
                 });
                 return;
             }
             let rgb = colour.at(ray, (p - ray.origin).dot(ray.direction));
             let channels = [luminance(rgb.as_dvec3().to_array()) as f32, rgb.x, rgb.z].map(|channel| channel * share);
-            self.basis.each(p, ray.direction, |number, value| {
-                let place = (first + number * CLASSES.len()) * 3;
+            self.basis.each(p, ray.direction, wider, |number, value| {
+                let place = (first + number * classes) * 3;
                 channels.iter().enumerate().for_each(|(i, channel)| {
                     add(place + i, channel * value);
                 });
@@ -166,16 +174,16 @@ impl Witness for Deposits<'_> {
     /// a flight begins toward the camera by the phase function of the scattering that is to follow, and shares with the photon's
     /// own by the balance heuristic: what either could find is bounded by the other.
     #[inline]
-    fn aside(&self, p: Vec3, before: Vec3, g: f64, rng: &mut Rng) -> Option<(Vec3, f64)> {
-        if g.abs() < PEAKED || !matches!(self.basis, Basis::View { .. }) || rng.uniform_f32() >= ASIDE {
+    fn aside(&self, p: Vec3, before: Vec3, phase: Phase, rng: &mut Rng) -> Option<(Vec3, f64)> {
+        if phase.g.abs() < PEAKED || !matches!(self.basis, Basis::View { .. }) || rng.uniform_f32() >= ASIDE {
             return None;
         }
-        let direction = self.basis.toward(p, g, (rng.uniform(), rng.uniform_f32()))?;
-        Some((direction, self.basis.own(p, before, direction, g, ASIDE).into()))
+        let direction = self.basis.toward(p, phase, rng)?;
+        Some((direction, self.basis.own(p, before, direction, phase, ASIDE).into()))
     }
 
     #[inline]
-    fn share(&self, p: Vec3, before: Vec3, direction: Vec3, g: f64) -> f64 {
-        if g.abs() < PEAKED { 1.0 } else { self.basis.own(p, before, direction, g, ASIDE).into() }
+    fn share(&self, p: Vec3, before: Vec3, direction: Vec3, phase: Phase) -> f64 {
+        if phase.g.abs() < PEAKED { 1.0 } else { self.basis.own(p, before, direction, phase, ASIDE).into() }
     }
 }

@@ -7,13 +7,14 @@
 //! [`crate::integrate::Integrator::Path`].
 
 use super::basis::{Basis, harmonics};
-use super::deposit::{CLASSES, Gathered, gather};
+use super::deposit::{Gathered, gather};
 use super::fit::{Fit, needed};
+use super::orders::Orders;
 use super::space::Space;
 use crate::bvh::Box3;
 use crate::error::Result;
 use crate::media::Media;
-use crate::photon::{GROUPS, Tracer};
+use crate::photon::{GROUPS, SimilarMedia, Tracer};
 use crate::progress::Progress;
 use crate::scene::{Scene, medium::luminance};
 use glam::{DVec3, Vec3};
@@ -24,8 +25,7 @@ use std::f64::consts::PI;
 pub(super) type Groups = [f32; GROUPS];
 /// As many groups as are smoothed at once: what memory that takes.
 const LANES: usize = 8;
-/// The standard deviation of each class's kernel in mean free paths, at [`USUAL`] photons over each square mean free path.
-const KERNELS: [f64; CLASSES.len()] = [0.55, 0.8, 1.2, 1.7, 2.4];
+/// Kernels are as wide as [`Orders`] says at so many photons over each square mean free path.
 const USUAL: f64 = 200.0;
 
 /// What a field is for.
@@ -33,6 +33,7 @@ pub(super) struct Request<'a> {
     pub scene: &'a Scene,
     pub media: &'a Media,
     pub basis: Basis,
+    pub orders: Orders,
     /// Of the local space, in the world.
     pub origin: DVec3,
     /// Whether light in a box is asked for.
@@ -76,6 +77,7 @@ pub(super) fn grey(rgb: Vec3) -> f32 {
 #[derive(Debug)]
 pub(super) struct Field {
     basis: Basis,
+    orders: Orders,
     space: Space,
     /// How many items of photons each group has brought; the first item, and the seed.
     items: u64,
@@ -97,7 +99,13 @@ impl Field {
     pub(super) fn new(request: Request) -> Self {
         let Request { first, seed, coarser, .. } = request;
         let space = Space::new(&request);
-        Field { basis: request.basis, space, items: 0, first, seed, coarser, light: vec![], rgb: vec![], doubt: vec![], lit: vec![] }
+        let Request { basis, orders, .. } = request;
+        Field { basis, orders, space, items: 0, first, seed, coarser, light: vec![], rgb: vec![], doubt: vec![], lit: vec![] }
+    }
+
+    /// The media through which it is seen, where they are not the scene's own: light is per optical depth of those.
+    pub(super) fn similar(&self) -> Option<&SimilarMedia> {
+        self.orders.similar()
     }
 
     /// Follows so many photons, and smooths their light.
@@ -105,13 +113,13 @@ impl Field {
     /// # Errors
     /// [`crate::Error::Interrupted`].
     pub(super) fn brighten(&mut self, (tracer, media): (&Tracer, &Media), photons: u64, progress: &dyn Progress) -> Result<()> {
-        let mut gathered = Gathered::empty(&self.space, &self.basis, tracer.tint().is_none());
+        let mut gathered = Gathered::empty(&self.space, &self.basis, self.orders.count(), tracer.tint().is_none());
         self.items = photons.div_ceil(GROUPS as u64 * Tracer::PATHS);
-        gather((tracer, media, &self.basis), &self.space, (self.first, self.items), self.seed, &mut gathered, progress)?;
+        gather((tracer, media, &self.basis, &self.orders), &self.space, (self.first, self.items), self.seed, &mut gathered, progress)?;
         // The kernel that is best grows slowly as photons get fewer: with twicing its bias falls as a high power of its width.
         let crowd = self.photons() as f64 / (tracer.silhouette() * self.space.usual.powi(2));
         let wider = self.coarser * (USUAL / crowd).powf(1.0 / 11.0).clamp(0.5, 2.0);
-        progress.begin("smoothing", CLASSES.len() as u64);
+        progress.begin("smoothing", self.orders.count() as u64);
         let (Space { frame, fill, usual, .. }, numbers) = (&self.space, self.basis.len());
         let needed = needed(frame, fill);
         self.light = vec![[0.0f32; GROUPS]; frame.voxels() * numbers];
@@ -123,7 +131,7 @@ impl Field {
         for (class, (gathered, colours)) in gathered.light.iter().zip(&gathered.colour).enumerate() {
             progress.check()?;
             progress.at(class as u64);
-            let fit = Fit::new(frame, fill, &needed, wider * KERNELS[class] / (usual * f64::from(frame.step)));
+            let fit = Fit::new(frame, fill, &needed, wider * self.orders.kernel(class) / (usual * f64::from(frame.step)));
             self.lit.iter_mut().enumerate().for_each(|(voxel, lit)| *lit &= fit.holds(voxel));
             for number in 0..numbers {
                 if !colours.is_empty() {

@@ -3,6 +3,7 @@
 use super::BYTES;
 use super::basis::{AROUND, Basis, DEGREE, HARMONICS, harmonics, legendre};
 use super::field::{Field, Request};
+use super::orders::Orders;
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::integrate::path::PathTracer;
@@ -143,7 +144,7 @@ impl SourceFunction {
             let shines = irradiance > 0.0;
             let sunward = part.sun.direction.normalize().as_vec3();
             let basis = match kept {
-                Kept::Toward(eye) => Basis::view(&part, (eye - origin).as_vec3()),
+                Kept::Toward(eye) => Basis::view(&part, (eye - origin).as_vec3(), false),
                 Kept::Around { degree } => {
                     Basis::Around { degree, axis: (degree > 0 && shines && mean_cosine > PEAKED).then_some(sunward) }
                 }
@@ -154,8 +155,19 @@ impl SourceFunction {
                 let share = settings.photons / count as u64;
                 let voxels = (settings.memory / (BYTES * basis.len() as u64)).min(share.max(super::LEAST_VOXELS)) as usize;
                 let seen = |_| true;
-                let request =
-                    Request { scene: &part, media, basis, origin, seen: &seen, first: 0, seed: settings.seed, voxels, coarser: 1.0 };
+                let orders = Orders::own();
+                let request = Request {
+                    scene: &part,
+                    media,
+                    basis,
+                    orders,
+                    origin,
+                    seen: &seen,
+                    first: 0,
+                    seed: settings.seed,
+                    voxels,
+                    coarser: 1.0,
+                };
                 let mut field = Field::new(request);
                 field.brighten((&followed.photons, media), share, progress)?;
                 followed.lobe = field.lobe(mean_cosine).map_or(0.0, |lobe| lobe.clamp(LOBE[0], LOBE[1]));

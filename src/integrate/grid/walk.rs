@@ -12,6 +12,8 @@ use glam::Vec3;
 /// The chance of a collision in a slice of the march; and of those off surfaces.
 const SLICE: f64 = 0.125;
 const COARSE: f64 = 0.5;
+/// And of light that is seen through similar media.
+const SIMILAR: f64 = 0.25;
 /// Beyond this optical depth nothing is seen.
 const OPAQUE: f64 = 14.0;
 
@@ -158,8 +160,23 @@ impl Channel {
             let sun = tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch).0;
             direct += albedo * before * (sun + tracer.lamps_in_medium(band, &here, g, rng, &mut room.scratch));
             far += f64::from(distance);
-            if let Some(field) = field {
+            if let Some(field) = field.filter(|field| field.similar().is_none()) {
                 field.scattered(here.origin, -ray.direction, g, before * albedo * weight as f32, &mut found);
+            }
+        }
+        if let Some((field, similar)) = field.and_then(|field| Some((field, field.similar()?))) {
+            let (media, profile) = (&similar.media, &mut room.own);
+            media.profile(ray, reach, OPAQUE, &mut room.scratch, profile);
+            let chance = -(-profile.depth()).exp_m1();
+            let slices = (chance / SIMILAR).ceil() as u32;
+            let (weight, mut step) = (chance / f64::from(slices.max(1)), 0);
+            for i in 0..slices {
+                let tau = -(-(f64::from(i) + rng.uniform()) * weight).ln_1p();
+                let distance = profile.distance(tau, &mut step);
+                let region = profile.region(distance, || rng.uniform());
+                let share = band.air.transmittance(ray, distance) * (media.optics(region).albedo * weight) as f32;
+                let g = band.optics[region as usize].1;
+                field.scattered(ray.at(distance), -ray.direction, g, share, &mut found);
             }
         }
         Stretch { direct: direct * weight as f32, found, clear: (-depth).exp() as f32, far: far * weight, looks: slices.into() }

@@ -1,0 +1,53 @@
+//! Orders of scattering: what has scattered alike often is smoothed alike; and in what media it is followed.
+
+use crate::photon::SimilarMedia;
+use crate::scene::Scene;
+use glam::DVec3;
+
+/// The last order of each class of light, and the standard deviation of its kernel in mean free paths.
+const ALL: [(u64, f64); 5] = [(2, 0.55), (4, 0.8), (8, 1.2), (16, 1.7), (u64::MAX, 2.4)];
+/// The same where light is followed in similar media: they count fewer scatterings.
+const SIMILAR: [(u64, f64); 3] = [(OWN, 0.8), (OWN + 2, 1.7), (u64::MAX, 2.6)];
+/// Scatterings of which light remembers the directions, in the scene's own media, before similar ones pass for them.
+pub(super) const OWN: u64 = 2;
+
+/// How the orders of a field are dealt with.
+#[derive(Debug)]
+pub(super) struct Orders {
+    similar: Option<SimilarMedia>,
+    classes: &'static [(u64, f64)],
+}
+
+impl Orders {
+    /// All of them in the scene's own media.
+    pub fn own() -> Self {
+        Orders { similar: None, classes: &ALL }
+    }
+
+    /// In similar media, where the scene has peaked phase functions.
+    pub fn similarly(scene: &Scene, origin: DVec3) -> Self {
+        SimilarMedia::of(scene, origin).map_or_else(Orders::own, |similar| Orders { similar: Some(similar), classes: &SIMILAR })
+    }
+
+    /// How many classes there are.
+    pub fn count(&self) -> usize {
+        self.classes.len()
+    }
+
+    /// The kernel of a class, in mean free paths.
+    pub fn kernel(&self, class: usize) -> f64 {
+        self.classes[class].1
+    }
+
+    /// The class of an order of scattering.
+    #[inline]
+    pub fn class(&self, order: u64) -> usize {
+        self.classes.iter().filter(|&&(last, _)| last < order).count()
+    }
+
+    /// The media through which light is followed from [`OWN`] scatterings on, and seen.
+    #[inline]
+    pub fn similar(&self) -> Option<&SimilarMedia> {
+        self.similar.as_ref()
+    }
+}

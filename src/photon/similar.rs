@@ -1,0 +1,35 @@
+//! The media of a scene as light meets them that has scattered before.
+
+use crate::media::Media;
+use crate::scene::{Phase, Region, Scene, Similar};
+use glam::DVec3;
+
+/// Media of the same shapes in which light spreads alike by fewer scatterings ([`Similar`]).
+#[derive(Debug)]
+pub struct SimilarMedia {
+    /// Their extinctions and albedos.
+    pub media: Media,
+    /// Of each region.
+    phases: Vec<Phase>,
+}
+
+impl SimilarMedia {
+    /// Those of a scene, relative to `origin`; `None` where phase functions have no peak, or absorption has a colour.
+    pub fn of(scene: &Scene, origin: DVec3) -> Option<Self> {
+        let similar: Vec<Similar> = scene.regions.iter().map(|r| Similar::to(r.medium.g)).collect();
+        let even =
+            |r: &Region| r.medium.sigma_a.iter().zip(r.medium.sigma_s).all(|(a, s)| a * r.medium.sigma_s[0] == r.medium.sigma_a[0] * s);
+        if similar.iter().all(|s| s.straight == 0.0) || !scene.regions.iter().all(even) {
+            return None;
+        }
+        let one = |(region, similar): (&Region, &Similar)| Region { medium: similar.medium(&region.medium), ..region.clone() };
+        let regions: Vec<Region> = scene.regions.iter().zip(&similar).map(one).collect();
+        Some(SimilarMedia { media: Media::new(&regions, origin), phases: similar.iter().map(|s| s.phase).collect() })
+    }
+
+    /// How a region scatters.
+    #[inline]
+    pub fn phase(&self, region: u32) -> Phase {
+        self.phases[region as usize]
+    }
+}
