@@ -56,6 +56,13 @@ impl Profile {
         s.before + (s.after - s.before) * share
     }
 
+    /// The same ray through media of the same shapes, whose extinctions are so many times these.
+    pub fn times(&self, ratio: impl Fn(u32) -> f64, out: &mut Profile) {
+        out.pieces.clear();
+        out.pieces.extend(self.pieces.iter().map(|p| Piece { sigma: (f64::from(p.sigma) * ratio(p.region)) as f32, ..*p }));
+        out.settle();
+    }
+
     /// Visits the stretches of `light`, whose extinction stands for what is emitted: what each sends past the extinction of this profile,
     /// and the middle of it, m.
     pub fn pass(&self, light: &Profile, mut visit: impl FnMut(f64, f32)) {

@@ -9,8 +9,10 @@ use glam::DVec3;
 pub struct SimilarMedia {
     /// Their extinctions and albedos.
     pub media: Media,
-    /// Of each region.
-    phases: Vec<Phase>,
+    /// Of each region; and its extinction over that of the scene's.
+    phases: Vec<(Phase, f64)>,
+    /// The least of these.
+    thinnest: f64,
 }
 
 impl SimilarMedia {
@@ -24,12 +26,27 @@ impl SimilarMedia {
         }
         let one = |(region, similar): (&Region, &Similar)| Region { medium: similar.medium(&region.medium), ..region.clone() };
         let regions: Vec<Region> = scene.regions.iter().zip(&similar).map(one).collect();
-        Some(SimilarMedia { media: Media::new(&regions, origin), phases: similar.iter().map(|s| s.phase).collect() })
+        let ratio = |(own, other): (&Region, &Region)| other.medium.sigma_t() / own.medium.sigma_t().max(f64::MIN_POSITIVE);
+        let ratios: Vec<f64> = scene.regions.iter().zip(&regions).map(ratio).collect();
+        let thinnest = ratios.iter().copied().filter(|&ratio| ratio > 0.0).fold(1.0, f64::min);
+        let phases = similar.iter().map(|s| s.phase).zip(ratios).collect();
+        Some(SimilarMedia { media: Media::new(&regions, origin), phases, thinnest })
     }
 
     /// How a region scatters.
     #[inline]
     pub fn phase(&self, region: u32) -> Phase {
-        self.phases[region as usize]
+        self.phases[region as usize].0
+    }
+
+    /// A region's extinction over that of the scene's.
+    #[inline]
+    pub fn ratio(&self, region: u32) -> f64 {
+        self.phases[region as usize].1
+    }
+
+    /// The least of these.
+    pub fn thinnest(&self) -> f64 {
+        self.thinnest
     }
 }

@@ -16,6 +16,8 @@ const COARSE: f64 = 0.5;
 const SIMILAR: f64 = 0.25;
 /// Beyond this optical depth nothing is seen.
 const OPAQUE: f64 = 14.0;
+/// Nor behind so much of similar media.
+const HAZY: f64 = 7.0;
 
 /// What of the light on a way is counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -144,7 +146,9 @@ impl Channel {
     /// The first `reach` metres of a ray, by slices of the chance of a collision of at most `slice`.
     fn march(&self, ray: &Ray, reach: f32, field: Option<&Field>, slice: f64, rng: &mut Rng, room: &mut Room) -> Stretch {
         let (tracer, band) = (&self.tracer, &self.tracer.bands[0]);
-        band.media.profile(ray, reach, OPAQUE, &mut room.scratch, &mut room.profile);
+        let similar = field.and_then(|field| Some((field, field.similar()?)));
+        let opaque = similar.map_or(OPAQUE, |(_, similar)| OPAQUE.max(HAZY / similar.thinnest()));
+        band.media.profile(ray, reach, opaque, &mut room.scratch, &mut room.profile);
         let depth = room.profile.depth();
         let chance = -(-depth).exp_m1();
         let slices = (chance / slice).ceil() as u32;
@@ -164,9 +168,9 @@ impl Channel {
                 field.scattered(here.origin, -ray.direction, g, before * albedo * weight as f32, &mut found);
             }
         }
-        if let Some((field, similar)) = field.and_then(|field| Some((field, field.similar()?))) {
+        if let Some((field, similar)) = similar {
             let (media, profile) = (&similar.media, &mut room.own);
-            media.profile(ray, reach, OPAQUE, &mut room.scratch, profile);
+            room.profile.times(|region| similar.ratio(region), profile);
             let chance = -(-profile.depth()).exp_m1();
             let slices = (chance / SIMILAR).ceil() as u32;
             let (weight, mut step) = (chance / f64::from(slices.max(1)), 0);
