@@ -6,7 +6,7 @@
 //! the fourth power of the kernel's width, at the boundary as elsewhere.
 
 use super::frame::Frame;
-use super::sums::{SIDE, Taps};
+use super::sums::{SIDE, Taps, Terms};
 use crate::scene::density::BRICK_VOXELS;
 use glam::{IVec3, Mat3, Vec3};
 use rayon::prelude::*;
@@ -48,10 +48,12 @@ impl<'a> Fit<'a> {
         let width = width.clamp(NARROWEST, WIDEST);
         let taps = Taps::new(width, ((REACH * width).ceil() as usize).min(SIDE));
         // Of the weights, and of the middles times them: 1, x, y, z, xx, xy, xz, yy, yz, zz.
-        let own: Vec<[[f32; 4]; 1]> = fill.iter().map(|f| [(f.middle * f.share).extend(f.share).to_array()]).collect();
-        let x = taps.along(frame, 0, &own, ([(0, 0), (0, 1), (0, 2)], None), [[0.0; 4]; 3], |_, sums| sums);
-        let y = taps.along(frame, 1, &x, ([(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)], None), [[0.0; 4]; 6], |_, sums| sums);
-        let moments = [(0, 0), (3, 0), (1, 0), (0, 1), (5, 0), (4, 0), (3, 1), (2, 0), (1, 1), (0, 2)];
+        let own: Vec<[f32; 4]> = fill.iter().map(|f| (f.middle * f.share).extend(f.share).to_array()).collect();
+        let moments = Terms {
+            x: [0, 1, 2],
+            y: [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)],
+            z: [(0, 0), (3, 0), (1, 0), (0, 1), (5, 0), (4, 0), (3, 1), (2, 0), (1, 1), (0, 2)],
+        };
         let ridge = RIDGE * (width * width) as f32;
         let least = LEAST * taps.whole().powi(3);
         let shares = |_: usize, z: [[f32; 4]; 10]| {
@@ -59,7 +61,7 @@ impl<'a> Fit<'a> {
             let middles = [z[0], z[1], z[2], z[3]].map(|z| Vec3::from_slice(&z));
             if weights[0] < least { [0.0; 4] } else { shares(weights, middles, ridge) }
         };
-        let shares = taps.along(frame, 2, &y, (moments, Some(needed)), [0.0; 4], shares);
+        let shares = taps.around(frame, &own, &moments, needed, [0.0; 4], shares);
         Fit { frame, taps, shares, fill, needed }
     }
 
@@ -102,14 +104,12 @@ impl<'a> Fit<'a> {
     }
 
     pub(super) fn once<const N: usize>(&self, own: &[[f32; N]]) -> Vec<[f32; N]> {
-        let own: &[[[f32; N]; 1]] = own.as_chunks().0;
-        let x = self.taps.along(self.frame, 0, own, ([(0, 0), (0, 1)], None), [[0.0; N]; 2], |_, sums| sums);
-        let y = self.taps.along(self.frame, 1, &x, ([(0, 0), (0, 1), (1, 0)], None), [[0.0; N]; 3], |_, sums| sums);
+        let terms = Terms { x: [0, 1], y: [(0, 0), (0, 1), (1, 0)], z: [(0, 0), (2, 0), (1, 0), (0, 1)] };
         let fitted = |voxel: usize, sums: [[f32; N]; 4]| {
             let shares = &self.shares[voxel];
             std::array::from_fn(|i| sums.iter().zip(shares).map(|(sum, share)| share * sum[i]).sum())
         };
-        self.taps.along(self.frame, 2, &y, ([(0, 0), (2, 0), (1, 0), (0, 1)], Some(self.needed)), [0.0; N], fitted)
+        self.taps.around(self.frame, own, &terms, self.needed, [0.0; N], fitted)
     }
 }
 

@@ -72,6 +72,11 @@ impl Frame {
         Frame { corner, step: step as f32, size, table, bricks }
     }
 
+    /// Bricks along each axis.
+    pub fn size(&self) -> IVec3 {
+        self.size
+    }
+
     /// How many voxels there are.
     pub fn voxels(&self) -> usize {
         self.bricks.len() * BRICK_VOXELS
