@@ -3,7 +3,8 @@
 //! Around each voxel a straight line in x, y and z is fitted to what lies within a Gaussian kernel (local linear regression; Fan and
 //! Gijbels 1996), to the light in the medium alone: light bends where the medium ends, and what is beyond says nothing about what is
 //! within. A voxel that the medium fills in part counts by its share, at the middle of that share. What the fit took away is fitted once more and given back (Tukey's twicing), so that the bias that is left falls as
-//! the fourth power of the kernel's width, at the boundary as elsewhere.
+//! the fourth power of the kernel's width, at the boundary as elsewhere. What was gathered is the mean over a voxel, and what will be looked up is
+//! interpolated between voxels' centres: it is the means of that which are compared, so that neither dims what is curved.
 
 use super::frame::Frame;
 use super::sums::{SIDE, Taps, Terms};
@@ -32,7 +33,12 @@ pub(super) struct Fit<'a> {
     shares: Vec<[f32; 4]>,
     fill: &'a [Fill],
     needed: &'a [bool],
+    /// Of each voxel, how much of what is interpolated in it comes from voxels that hold light.
+    known: Vec<f32>,
 }
+
+/// The sums of one kind alone.
+const PLAIN: Terms<1, 1, 1> = Terms { x: [0], y: [(0, 0)], z: [(0, 0)] };
 
 /// How much of a voxel holds medium, and the middle of that from the voxel's, in voxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,7 +68,9 @@ impl<'a> Fit<'a> {
             if weights[0] < least { [0.0; 4] } else { shares(weights, middles, ridge) }
         };
         let shares = taps.around(frame, &own, &moments, needed, [0.0; 4], shares);
-        Fit { frame, taps, shares, fill, needed }
+        let holds: Vec<[f32; 1]> = shares.iter().map(|s| [if *s == [0.0; 4] { 0.0 } else { 1.0 }]).collect();
+        let known = Taps::interpolated().around(frame, &holds, &PLAIN, needed, 0.0, |_, [[sum]]| sum);
+        Fit { frame, taps, shares, fill, needed, known }
     }
 
     /// Whether a voxel has medium enough around it.
@@ -75,8 +83,10 @@ impl<'a> Fit<'a> {
     pub fn smooth<const N: usize>(&self, light: &[[f32; N]]) -> (Vec<[f32; N]>, Vec<[f32; N]>) {
         let (mut sum, mut last) = (self.once(light), Vec::new());
         for _ in 0..GIVEN_BACK {
+            let means = self.means(&sum);
             let rest = |(v, light): (usize, &[f32; N])| {
-                let (share, there) = (self.fill[v].share, self.in_medium(&sum, v));
+                let share = self.fill[v].share;
+                let there = if share < 1.0 { self.in_medium(&sum, v) } else { means[v] };
                 std::array::from_fn(|i| light[i] - share * there[i])
             };
             let rest: Vec<[f32; N]> = light.par_iter().enumerate().map(rest).collect();
@@ -85,6 +95,12 @@ impl<'a> Fit<'a> {
             last = back;
         }
         (sum, last)
+    }
+
+    /// The mean light in each voxel, as it is looked up.
+    fn means<const N: usize>(&self, light: &[[f32; N]]) -> Vec<[f32; N]> {
+        let mean = |voxel: usize, [sum]: [[f32; N]; 1]| sum.map(|s| if self.known[voxel] > 0.0 { s / self.known[voxel] } else { 0.0 });
+        Taps::interpolated().around(self.frame, light, &PLAIN, self.needed, [0.0; N], mean)
     }
 
     /// Light in the middle of a voxel's medium.

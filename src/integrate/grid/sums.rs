@@ -54,6 +54,11 @@ impl Taps {
         Taps { powers: [0, 1, 2].map(|power| (0..=2 * reach).map(|i| tap(i, power)).collect()) }
     }
 
+    /// The mean, over a voxel, of what is interpolated between voxels' centres.
+    pub fn interpolated() -> Self {
+        Taps { powers: [vec![0.125, 0.75, 0.125], vec![], vec![]] }
+    }
+
     /// What the kernel itself sums to.
     pub fn whole(&self) -> f32 {
         self.powers[0].iter().sum()
