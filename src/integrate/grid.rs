@@ -51,6 +51,10 @@ use std::borrow::Cow;
 
 /// Bricks behind more optical depth than this, from everywhere in them, are not lit.
 const HIDDEN: f64 = 9.0;
+/// And behind so much of similar media.
+const HAZY: f64 = 5.0;
+/// From so many photons on, light is followed in the scene's own media alone: what similar ones are off by would be more than noise.
+pub const EXACT: u64 = 8_000_000;
 /// What a number of a voxel takes while light is gathered and smoothed, bytes, colours included; and what it takes afterwards.
 const BYTES: u64 = 1080;
 const KEPT: u64 = 82;
@@ -103,6 +107,7 @@ impl GridTracer {
         let fields = parts.len() as u64 * if scene.surfaces.is_empty() { 1 } else { 2 };
         let held = settings.photon.memory / (BYTES + (fields - 1) * KEPT);
         // What photons are too few for, or pixels too wide, is not worth its time.
+        let exact = photons >= EXACT;
         let told = photons / parts.len() as u64;
         let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
         let channel = |(part, mask): (Cow<Scene>, Vec3)| {
@@ -124,10 +129,11 @@ impl GridTracer {
                         Field::new(Request { scene, media, basis, orders, origin, seen, first, seed, voxels, coarser })
                     };
                 if settings.photon.directional == Directional::View {
-                    let orders = Orders::similarly(&part, tracer.origin);
-                    let through = orders.similar().map_or_else(|| media.clone(), |similar| similar.media.clone());
+                    let orders = Orders::similarly(&part, tracer.origin, exact);
                     let basis = Basis::view(&part, lens.position(), orders.similar().is_some());
-                    view = Some(field((basis, orders), &|brick| sees(&lens, &through, brick), 0, 1.0, 1));
+                    let through = orders.similar().map(|similar| (similar.media.clone(), HAZY));
+                    let (through, hidden) = through.as_ref().map_or((media, HIDDEN), |(media, hidden)| (media, *hidden));
+                    view = Some(field((basis, orders), &|brick| sees(&lens, (through, hidden), brick), 0, 1.0, 1));
                     around = (!tracer.surfaces.is_empty()).then(|| field((ALL, Orders::own()), &|_| true, FIRST, COARSER, FEWER));
                 } else {
                     view = Some(field((ALL, Orders::own()), &|_| true, 0, 1.0, 1));
@@ -193,8 +199,8 @@ fn sends(scene: &Scene, plan: &Plan) -> bool {
     luminance(scene.sky) > 0.0 || !scene.flames.is_empty() || !scene.air.is_empty() || plan.on(EffectName::SurfaceBounce)
 }
 
-/// Whether a camera may see anything of a box.
-fn sees(lens: &Lens, media: &Media, brick: Box3) -> bool {
+/// Whether a camera may see anything of a box behind less than so much optical depth.
+fn sees(lens: &Lens, (media, hidden): (&Media, f64), brick: Box3) -> bool {
     let (centre, half) = ((brick.min + brick.max) * 0.5, (brick.max - brick.min) * 0.5);
     if !lens.frames(centre, half.length()) {
         return false;
@@ -204,7 +210,7 @@ fn sees(lens: &Lens, media: &Media, brick: Box3) -> bool {
     (0..27).any(|i| {
         let way = centre + half * (Vec3::new((i / 9) as f32, (i / 3 % 3) as f32, (i % 3) as f32) - 1.0) - origin;
         let distance = way.length();
-        distance <= half.x || media.optical_depth(&Ray { origin, direction: way / distance }, distance, &mut scratch) < HIDDEN
+        distance <= half.x || media.optical_depth(&Ray { origin, direction: way / distance }, distance, &mut scratch) < hidden
     })
 }
 

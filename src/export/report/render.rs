@@ -91,7 +91,10 @@ impl Render {
         let known = |error: Option<f64>| error.filter(|_| settings.spp > 1);
         let (relative_bias, bias_by) = match settings.integrator {
             Integrator::Path => (Some(0.0), "an unbiased path tracer"),
-            Integrator::Grid => (known(film.relative_bias()), "what two more fits of smoothing's kernels still gave back"),
+            Integrator::Grid => (
+                known(film.relative_bias()),
+                "what two more fits of smoothing's kernels still gave back, and what similar media are off by",
+            ),
             Integrator::Photon => (None, "what stored photons blur is not known from one picture"),
         };
         let relative_error = known(film.relative_error());
