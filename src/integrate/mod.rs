@@ -10,6 +10,7 @@ mod lens;
 mod lobe;
 mod path;
 pub mod photon;
+mod ready;
 mod skylight;
 mod sunlight;
 mod tile;
@@ -23,11 +24,10 @@ use crate::rng::{Rng, Stage};
 use crate::scene::{Camera, Scene};
 pub use emission::{Emitted, render_emission};
 use glam::DVec3;
-use grid::GridTracer;
 pub use grid::{Kept, Light, Part, SourceFunction, SourceSettings, harmonics};
 use lens::Lens;
-use path::PathTracer;
-use photon::{Lighting, PhotonSettings, PhotonTracer};
+use photon::{Lighting, PhotonSettings};
+pub use ready::Ready;
 use tile::{Done, Tile, Transport};
 
 /// How light is followed.
@@ -112,40 +112,9 @@ pub fn render(
     pass1: Option<PhotonMap>,
     progress: &dyn Progress,
 ) -> Result<Rendering> {
-    match settings.integrator {
-        Integrator::Path => {
-            let tracer = PathTracer::new(scene, plan);
-            expose(&tracer, tracer.origin, scene, camera, settings, progress)
-        }
-        Integrator::Photon => {
-            let tracer = PhotonTracer::new(scene, plan, settings, pass1, progress)?;
-            let rendering = expose(&tracer, tracer.origin, scene, camera, settings, progress)?;
-            Ok(Rendering { photons: Some(tracer.lighting), ..rendering })
-        }
-        Integrator::Grid => sample(scene, plan, camera, settings, settings.photon.photons, progress),
-    }
-}
-
-/// A picture by few photons or samples that tells what one by more of them will be: [`render`] with as many voxels, where there are any,
-/// as `photons` would ask for.
-///
-/// # Errors
-/// As [`render`].
-pub fn sample(
-    scene: &Scene,
-    plan: &Plan,
-    camera: &Camera,
-    settings: &RenderSettings,
-    photons: u64,
-    progress: &dyn Progress,
-) -> Result<Rendering> {
-    if settings.integrator != Integrator::Grid {
-        return render(scene, plan, camera, settings, None, progress);
-    }
-    let mut tracer = GridTracer::new(scene, plan, camera, settings, photons);
-    tracer.brighten(settings.photon.photons, progress)?;
-    let rendering = expose(&tracer, tracer.origin, scene, camera, settings, progress)?;
-    Ok(Rendering { photons: Some(tracer.lighting()), ..rendering })
+    let mut ready = Ready::new(scene, plan, camera, settings, settings.photon.photons, pass1, progress)?;
+    ready.brighten(progress)?;
+    ready.expose(settings.spp, progress)
 }
 
 /// Every pixel of a picture; `origin` is that of the transport's local space.

@@ -172,7 +172,9 @@ fn more_photons_know_more() {
     let take = |photons: u64, voxels_for: u64| {
         let photon = PhotonSettings { photons, ..PhotonSettings::default() };
         let settings = RenderSettings { integrator: Integrator::Grid, width: SIZE, height: SIZE, spp: 16, seed: 5, photon };
-        crate::integrate::sample(&scene, &plan, &camera, &settings, voxels_for, &Silent).unwrap()
+        let mut ready = crate::integrate::Ready::new(&scene, &plan, &camera, &settings, voxels_for, None, &Silent).unwrap();
+        ready.brighten(&Silent).unwrap();
+        ready.expose(settings.spp, &Silent).unwrap()
     };
     let (few, many, again) = (take(4_000, 64_000), take(64_000, 64_000), take(64_000, 64_000));
     assert_eq!(many.film, again.film);

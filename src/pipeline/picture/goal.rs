@@ -33,12 +33,13 @@ pub struct Taking {
 /// The first picture.
 const FIRST_PHOTONS: u64 = 32_768;
 const FIRST_SPP: [u32; 2] = [8, 4];
-/// What the second takes of what the last will; and how many times more work than both the last must be for it to be worth it.
-const SHARE: f64 = 0.08;
-const WORTH: f64 = 4.0;
-/// What is aimed at, of an error and of a time: both scatter.
+/// What the second has of the photons of the last, or of its samples; and how many times its work the last must be for it to be worth it.
+const SHARE: f64 = 0.05;
+const WORTH: f64 = 8.0;
+/// What is aimed at, of an error and of a time, before the light is known: both scatter. And once it is known, by samples.
 const AIM_ERROR: f64 = 0.93;
-const AIM_SECONDS: f64 = 0.95;
+const AIM_SECONDS: f64 = 0.92;
+const CLOSE: f64 = 0.98;
 /// Pictures at most.
 const PICTURES: u32 = 6;
 
@@ -48,19 +49,18 @@ const PICTURES: u32 = 6;
 /// [`crate::Error::Interrupted`].
 pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSettings, watch: &dyn Progress) -> Result<Taking> {
     let grid = settings.integrator == Integrator::Grid;
-    let of = |photons: u64, spp: u32| {
-        let mut settings = RenderSettings { spp, ..*settings };
+    let of = |(photons, spp): (f64, f64)| {
+        let mut settings = RenderSettings { spp: spp as u32, ..*settings };
         if grid {
-            settings.photon.photons = photons;
+            settings.photon.photons = photons as u64;
         }
         settings
     };
     let mut series = Series::new(scene, framed, watch);
     let mut notes = Vec::new();
-    let mut last = of(FIRST_PHOTONS, FIRST_SPP[usize::from(!grid)]);
-    let mut whole = series.take(&last, last.photon.photons, None)?;
+    let least = (if grid { FIRST_PHOTONS as f64 } else { settings.photon.photons as f64 }, FIRST_SPP[usize::from(!grid)].into());
+    let mut whole = series.take(&of(least), least.0 as u64, None)?;
     let mut expected = None;
-    let mut work = 0.0;
     let mut done = false;
     for picture in 2..=PICTURES {
         let (Some(error), Some(forecast)) = (series.error(), series.forecast()) else {
@@ -86,25 +86,30 @@ pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSet
                 forecast.within(AIM_SECONDS * left)
             }
         };
-        let (error_then, seconds) = (forecast.error(wanted), forecast.seconds(wanted));
-        if seconds > left || error_then >= error {
+        if forecast.seconds(wanted) > left || forecast.error(wanted) >= error {
             break;
         }
-        let quick = (SHARE * wanted.0, SHARE * wanted.1);
-        work += forecast.work((last.photon.photons as f64, last.spp.into()));
-        if picture == 2 && forecast.work(wanted) > WORTH * (work + forecast.work(quick)) {
-            // Not the picture yet: one of a twelfth tells more of it.
+        let quick = if grid { ((SHARE * wanted.0).round(), least.1) } else { (wanted.0, (SHARE * wanted.1).round()) };
+        let more = if grid { quick.0 > 2.0 * least.0 } else { quick.1 > 2.0 * least.1 };
+        if picture == 2 && more && forecast.work(wanted) > WORTH * forecast.work(quick) {
+            // Not the picture yet: one of a twentieth tells more of it.
             done = false;
-            let least = of(FIRST_PHOTONS, FIRST_SPP[usize::from(!grid)]);
-            last = of((quick.0 as u64).max(least.photon.photons), ((quick.1 / 4.0).ceil() as u32 * 4).max(least.spp));
-            whole = series.take(&last, wanted.0 as u64, None)?;
+            whole = series.take(&of(quick), quick.0 as u64, None)?;
             continue;
         }
-        watch.expects(error_then, seconds);
-        expected.get_or_insert(Expected { relative_error: error_then, seconds: elapsed + seconds });
-        last = of(wanted.0 as u64, wanted.1 as u32);
-        whole = series.take(&last, last.photon.photons, None)?;
+        series.prepare(&of(wanted), wanted.0 as u64, None)?;
+        let forecast = series.voxels().map_or(forecast, |voxels| forecast.with_voxels(voxels));
+        let (error, seconds) = (forecast.error(wanted), forecast.seconds(wanted));
+        watch.expects(error, seconds);
+        expected.get_or_insert(Expected { relative_error: error, seconds: series.elapsed()? + seconds });
+        // By few samples first, where there are photons: these leave so much to the others.
+        let spp = if grid { least.1 } else { wanted.1 };
+        whole = series.brighten()? && series.expose(spp as u32)?;
+        if whole && grid {
+            whole = close(&mut series, goal, done)?;
+        }
     }
+    let last = series.settings().copied().unwrap_or(*settings);
     let (film, mut render) = series.end(goal.error)?;
     render.expected = expected;
     let photons = if grid { format!(" --picture-photons {}", last.photon.photons) } else { String::new() };
@@ -120,4 +125,29 @@ pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSet
         notes.push(format!("the quickest picture of this size took {:.1} s, and {seconds:.1} s were left for it", render.seconds));
     }
     Ok(Taking { film, render, notes })
+}
+
+/// More samples of what is lit, where these bring the error to what was asked for; and as many as there is time for, where time is `filled`
+/// or they do not. `false` where the run should stop and keep what it has.
+fn close(series: &mut Series, goal: &Goal, filled: bool) -> Result<bool> {
+    let (Some(forecast), Some(&now)) = (series.forecast(), series.settings()) else { return Ok(true) };
+    let enough = match goal.error {
+        None => f64::INFINITY,
+        Some(error) => {
+            // More photons may be the cheaper way, and the only one.
+            let anew = forecast.reach(AIM_ERROR * error).map_or(f64::INFINITY, |anew| forecast.work(anew));
+            let samples = forecast.samples(CLOSE * error).filter(|&spp| forecast.work((0.0, spp)) < anew);
+            match samples {
+                Some(spp) => spp,
+                None if filled => f64::INFINITY,
+                None => return Ok(true),
+            }
+        }
+    };
+    let fits = match goal.seconds {
+        Some(seconds) => forecast.samples_within(CLOSE * (seconds - series.elapsed()?)),
+        None => f64::INFINITY,
+    };
+    let spp = enough.min(fits);
+    if spp.is_finite() && spp > now.spp.into() { series.expose(spp as u32) } else { Ok(true) }
 }

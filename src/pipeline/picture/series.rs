@@ -5,12 +5,15 @@ use super::timed::Timed;
 use crate::error::{Error, Result};
 use crate::export::report::{Render, Stage};
 use crate::film::{Film, Pixel};
-use crate::integrate::{Integrator, RenderSettings, Rendering, render, sample};
+use crate::integrate::{Integrator, Ready, RenderSettings, Rendering};
 use crate::photon::PhotonMap;
 use crate::plan::{Density, Plan};
 use crate::progress::{Progress, agreed};
 use crate::scene::{Framed, Scene};
 use std::time::Instant;
+
+/// The stage of samples.
+const RENDER: &str = "render";
 
 /// A view, and what has been seen of it.
 pub(super) struct Series<'a> {
@@ -20,6 +23,8 @@ pub(super) struct Series<'a> {
     plan: Plan,
     pub watch: &'a dyn Progress,
     begun: Instant,
+    /// What the next picture is taken of, and how long that took by stages.
+    ready: Option<(Ready<'a>, u64, Timed<'a>)>,
     /// The last picture, and what its pixels and those of the one before it say.
     last: Option<(RenderSettings, Rendering, Vec<Stage>)>,
     shot: Option<Shot>,
@@ -32,27 +37,43 @@ impl<'a> Series<'a> {
     /// Before the first picture.
     pub fn new(scene: &'a Scene, framed: &'a Framed, watch: &'a dyn Progress) -> Self {
         let plan = Plan::for_scene(scene, Density::Source);
-        Series { scene, framed, plan, watch, begun: Instant::now(), last: None, shot: None, before: None, cut: None }
+        Series { scene, framed, plan, watch, begun: Instant::now(), ready: None, last: None, shot: None, before: None, cut: None }
     }
 
-    /// Takes a picture with voxels as for so many photons. `false` where the run should stop and keep what it has.
+    /// Makes ready for pictures with voxels as for so many photons: these are known then, and nothing is lit yet.
     ///
     /// # Errors
-    /// As [`render`].
-    pub fn take(&mut self, settings: &RenderSettings, voxels_for: u64, pass1: Option<PhotonMap>) -> Result<bool> {
-        let (scene, plan, camera, timed) = (self.scene, &self.plan, &self.framed.camera, Timed::new(self.watch));
-        let taken = match settings.integrator {
-            Integrator::Grid => sample(scene, plan, camera, settings, voxels_for, &timed),
-            Integrator::Path | Integrator::Photon => render(scene, plan, camera, settings, pass1, &timed),
-        };
-        let mut rendering = match (taken, &self.last) {
-            // Before any pixel of it.
-            (Err(Error::Interrupted), Some(_)) if self.watch.keeps() => {
-                self.cut = Some(0.0);
-                return Ok(false);
-            }
-            (taken, _) => taken?,
-        };
+    /// As [`crate::integrate::render`].
+    pub fn prepare(&mut self, settings: &RenderSettings, voxels_for: u64, pass1: Option<PhotonMap>) -> Result<()> {
+        // Room for the next.
+        self.ready = None;
+        let timed = Timed::new(self.watch);
+        let ready = Ready::new(self.scene, &self.plan, &self.framed.camera, settings, voxels_for, pass1, &timed)?;
+        self.ready = Some((ready, voxels_for, timed));
+        self.before = self.shot;
+        Ok(())
+    }
+
+    /// Lights what is ready. `false` where the run should stop and keep what it has.
+    ///
+    /// # Errors
+    /// As [`crate::integrate::render`].
+    pub fn brighten(&mut self) -> Result<bool> {
+        let Some((ready, _, timed)) = &mut self.ready else { return Ok(false) };
+        let done = ready.brighten(&*timed);
+        self.going_on(done).map(|done| done.is_some())
+    }
+
+    /// Takes a picture of what is lit, by so many samples a pixel. `false` where the run should stop and keep what it has.
+    ///
+    /// # Errors
+    /// As [`crate::integrate::render`].
+    pub fn expose(&mut self, spp: u32) -> Result<bool> {
+        let Some((ready, voxels_for, timed)) = &mut self.ready else { return Ok(false) };
+        let before = timed.stages();
+        let (taken, voxels_for) = (ready.expose(spp, &*timed), *voxels_for);
+        let (settings, stages) = (*ready.settings(), timed.stages());
+        let Some(mut rendering) = self.going_on(taken)? else { return Ok(false) };
         let pixels = &mut rendering.film.pixels;
         let done = pixels.iter().filter(|p| **p != Pixel::UNKNOWN).count() as f64 / pixels.len() as f64;
         if done < 1.0 {
@@ -65,16 +86,44 @@ impl<'a> Series<'a> {
             }
             self.cut = Some(done);
         } else {
-            let mut stages = timed.stages();
-            if let Some(crew) = self.watch.crew() {
-                let seconds: Vec<f64> = stages.iter().map(|s| s.seconds).collect();
-                stages.iter_mut().zip(crew.agree(&seconds, self.watch)?).for_each(|(stage, seconds)| stage.seconds = seconds);
+            // This picture's samples alone.
+            let mut own = stages.clone();
+            for stage in own.iter_mut().filter(|s| s.stage == RENDER) {
+                stage.seconds -= before.iter().filter(|s| s.stage == RENDER).map(|s| s.seconds).sum::<f64>();
             }
-            self.before = self.shot;
-            self.shot = Shot::of(settings, voxels_for, &rendering, &stages);
+            if let Some(crew) = self.watch.crew() {
+                let seconds: Vec<f64> = own.iter().map(|s| s.seconds).collect();
+                own.iter_mut().zip(crew.agree(&seconds, self.watch)?).for_each(|(stage, seconds)| stage.seconds = seconds);
+            }
+            self.shot = Shot::of(&settings, voxels_for, &rendering, &own);
         }
-        self.last = Some((*settings, rendering, timed.stages()));
+        self.last = Some((settings, rendering, stages));
         Ok(done == 1.0)
+    }
+
+    /// What was done, where it was; nothing where the run is stopped and there is a picture to be kept.
+    fn going_on<T>(&mut self, done: Result<T>) -> Result<Option<T>> {
+        match done {
+            Err(Error::Interrupted) if self.watch.keeps() && self.last.is_some() => {
+                self.cut = Some(0.0);
+                Ok(None)
+            }
+            done => done.map(Some),
+        }
+    }
+
+    /// Takes a picture with voxels as for so many photons. `false` where the run should stop and keep what it has.
+    ///
+    /// # Errors
+    /// As [`crate::integrate::render`].
+    pub fn take(&mut self, settings: &RenderSettings, voxels_for: u64, pass1: Option<PhotonMap>) -> Result<bool> {
+        let ready = self.prepare(settings, voxels_for, pass1);
+        Ok(self.going_on(ready)?.is_some() && self.brighten()? && self.expose(settings.spp)?)
+    }
+
+    /// Voxels of what is ready.
+    pub fn voxels(&self) -> Option<u64> {
+        self.ready.as_ref()?.0.lighting().map(|lit| lit.voxels)
     }
 
     /// Seconds since the first picture began.
@@ -85,6 +134,11 @@ impl<'a> Series<'a> {
         Ok(agreed([self.begun.elapsed().as_secs_f64()], self.watch)?[0])
     }
 
+    /// The settings of the last picture.
+    pub fn settings(&self) -> Option<&RenderSettings> {
+        self.last.as_ref().map(|last| &last.0)
+    }
+
     /// The relative error of the last picture, where any pixel of it receives light.
     pub fn error(&self) -> Option<f64> {
         self.last.as_ref().and_then(|(_, rendering, _)| rendering.film.relative_error())
@@ -93,7 +147,7 @@ impl<'a> Series<'a> {
     /// What others would be, by the last picture and the one before it.
     pub fn forecast(&self) -> Option<Forecast> {
         let (settings, ..) = self.last.as_ref()?;
-        Some(Forecast::new(settings, self.shot?, self.before))
+        Some(Forecast::new(settings, self.shot?, self.before, !self.scene.air.is_empty()))
     }
 
     /// The last picture, and what it says of itself, also of an error that was `asked` for.
