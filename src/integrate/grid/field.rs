@@ -25,8 +25,6 @@ use std::f64::consts::PI;
 pub(super) type Groups = [f32; GROUPS];
 /// As many groups as are smoothed at once: what memory that takes.
 const LANES: usize = 8;
-/// Kernels are as wide as [`Orders`] says at so many photons over each square mean free path.
-const USUAL: f64 = 200.0;
 
 /// What a field is for.
 pub(super) struct Request<'a> {
@@ -116,9 +114,7 @@ impl Field {
         let mut gathered = Gathered::empty(&self.space, &self.basis, self.orders.count(), tracer.tint().is_none());
         self.items = photons.div_ceil(GROUPS as u64 * Tracer::PATHS);
         gather((tracer, media, &self.basis, &self.orders), &self.space, (self.first, self.items), self.seed, &mut gathered, progress)?;
-        // The kernel that is best grows slowly as photons get fewer: with twicing its bias falls as a high power of its width.
         let crowd = self.photons() as f64 / (tracer.silhouette() * self.space.usual.powi(2));
-        let wider = self.coarser * (USUAL / crowd).powf(1.0 / 11.0).clamp(0.5, 2.0);
         progress.begin("smoothing", self.orders.count() as u64);
         let (Space { frame, fill, usual, .. }, numbers) = (&self.space, self.basis.len());
         let needed = needed(frame, fill);
@@ -131,7 +127,7 @@ impl Field {
         for (class, (gathered, colours)) in gathered.light.iter().zip(&gathered.colour).enumerate() {
             progress.check()?;
             progress.at(class as u64);
-            let fit = Fit::new(frame, fill, &needed, wider * self.orders.kernel(class) / (usual * f64::from(frame.step)));
+            let fit = Fit::new(frame, fill, &needed, self.coarser * self.orders.kernel(class, crowd) / (usual * f64::from(frame.step)));
             self.lit.iter_mut().enumerate().for_each(|(voxel, lit)| *lit &= fit.holds(voxel));
             for number in 0..numbers {
                 if !colours.is_empty() {

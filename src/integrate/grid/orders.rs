@@ -4,7 +4,7 @@ use crate::photon::SimilarMedia;
 use crate::scene::Scene;
 use glam::DVec3;
 
-/// The last order of each class of light, and the standard deviation of its kernel in mean free paths.
+/// The last order of each class of light, and the usual standard deviation of its kernel in mean free paths.
 const ALL: [(u64, f64); 5] = [(2, 0.55), (4, 0.8), (8, 1.2), (16, 1.7), (u64::MAX, 2.4)];
 /// The same where light is followed in similar media: they count fewer scatterings.
 const SIMILAR: [(u64, f64); 3] = [(OWN, 0.8), (OWN + 2, 1.2), (u64::MAX, 2.2)];
@@ -39,9 +39,11 @@ impl Orders {
         self.classes.len()
     }
 
-    /// The kernel of a class, in mean free paths.
-    pub fn kernel(&self, class: usize) -> f64 {
-        self.classes[class].1
+    /// The standard deviation of a class's kernel in mean free paths, where so many photons start over each square mean free path. The kernel that
+    /// is best grows slowly as they get fewer: with twicing its bias falls as a high power of its width.
+    pub fn kernel(&self, class: usize, crowd: f64) -> f64 {
+        let (usual, power) = if self.similar.is_some() { (50.0, 1.0 / 5.0) } else { (200.0, 1.0 / 11.0) };
+        self.classes[class].1 * (usual / crowd).powf(power).clamp(0.4, 2.0)
     }
 
     /// The class of an order of scattering.
