@@ -53,8 +53,6 @@ use std::borrow::Cow;
 const HIDDEN: f64 = 9.0;
 /// And behind so much of similar media.
 const HAZY: f64 = 5.0;
-/// From so many photons on, light is followed in the scene's own media alone: what similar ones are off by would be more than noise.
-pub const EXACT: u64 = 8_000_000;
 /// What a number of a voxel takes while light is gathered and smoothed, bytes, colours included; and what it takes afterwards.
 const BYTES: u64 = 1080;
 const KEPT: u64 = 82;
@@ -107,7 +105,7 @@ impl GridTracer {
         let fields = parts.len() as u64 * if scene.surfaces.is_empty() { 1 } else { 2 };
         let held = settings.photon.memory / (BYTES + (fields - 1) * KEPT);
         // What photons are too few for, or pixels too wide, is not worth its time.
-        let exact = photons >= EXACT;
+        let total = photons;
         let told = photons / parts.len() as u64;
         let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
         let channel = |(part, mask): (Cow<Scene>, Vec3)| {
@@ -129,8 +127,8 @@ impl GridTracer {
                         Field::new(Request { scene, media, basis, orders, origin, seen, first, seed, voxels, coarser })
                     };
                 if settings.photon.directional == Directional::View {
-                    let orders = Orders::similarly(&part, tracer.origin, exact);
-                    let basis = Basis::view(&part, lens.position(), orders.similar().is_some());
+                    let orders = Orders::similarly(&part, tracer.origin, total);
+                    let basis = Basis::view(&part, lens.position(), orders.part());
                     let through = orders.similar().map(|similar| (similar.media.clone(), HAZY));
                     let (through, hidden) = through.as_ref().map_or((media, HIDDEN), |(media, hidden)| (media, *hidden));
                     view = Some(field((basis, orders), &|brick| sees(&lens, (through, hidden), brick), 0, 1.0, 1));

@@ -16,9 +16,9 @@ pub struct SimilarMedia {
 }
 
 impl SimilarMedia {
-    /// Those of a scene, relative to `origin`; `None` where phase functions have no peak, or absorption has a colour.
-    pub fn of(scene: &Scene, origin: DVec3) -> Option<Self> {
-        let similar: Vec<Similar> = scene.regions.iter().map(|r| Similar::to(r.medium.g)).collect();
+    /// Those of a scene, relative to `origin`, as far from it as `part` says ([`Similar::to`]); `None` where phase functions have no peak, or absorption has a colour.
+    pub fn of(scene: &Scene, part: f64, origin: DVec3) -> Option<Self> {
+        let similar: Vec<Similar> = scene.regions.iter().map(|r| Similar::to(r.medium.g, part)).collect();
         let even =
             |r: &Region| r.medium.sigma_a.iter().zip(r.medium.sigma_s).all(|(a, s)| a * r.medium.sigma_s[0] == r.medium.sigma_a[0] * s);
         if similar.iter().all(|s| s.straight == 0.0) || !scene.regions.iter().all(even) {

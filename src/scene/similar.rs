@@ -9,8 +9,6 @@ use super::{Medium, Phase};
 
 /// Phase functions with a mean cosine below this are left as they are: little of them goes straight on.
 const PEAKED: f64 = 0.6;
-/// Of the share at which the wider function would reach zero, so much is taken.
-const SAFE: f64 = 0.97;
 
 /// What a Henyey-Greenstein phase function of a mean cosine is like.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,8 +20,9 @@ pub struct Similar {
 }
 
 impl Similar {
-    /// Of a mean cosine `g`; where there is no peak, nothing goes straight on.
-    pub fn to(g: f64) -> Self {
+    /// Of a mean cosine `g`, where of the share at which the wider function would reach zero a part, below 1, goes straight on. Where there is no
+    /// peak, nothing does.
+    pub fn to(g: f64, part: f64) -> Self {
         if g < PEAKED {
             return Similar { straight: 0.0, phase: Phase::henyey_greenstein(g) };
         }
@@ -38,7 +37,7 @@ impl Similar {
             let middle = 0.5 * (low + high);
             *(if backward(rest(middle)) > 0.0 { &mut low } else { &mut high }) = middle;
         }
-        Similar { straight: SAFE * low, phase: rest(SAFE * low) }
+        Similar { straight: part * low, phase: rest(part * low) }
     }
 
     /// The medium without what goes straight on; its phase function is [`Similar::phase`].
@@ -55,9 +54,9 @@ mod tests {
 
     #[test]
     fn the_whole_keeps_two_moments_and_never_falls_below_zero() {
-        for g in [0.6, 0.75, 0.85, 0.95, 0.99] {
-            let Similar { straight, phase } = Similar::to(g);
-            assert!(straight > 0.3 && straight < g * g, "{g}: {straight}");
+        for (g, part) in [(0.6, 0.97), (0.75, 0.5), (0.85, 0.97), (0.95, 0.8), (0.99, 0.97)] {
+            let Similar { straight, phase } = Similar::to(g, part);
+            assert!(straight > 0.2 && straight < g * g, "{g}: {straight}");
             // By the midpoint rule over the cosine, in a variable that resolves the peak.
             let (mut moments, n) = ([0.0; 3], 200_000);
             for i in 0..n {
@@ -78,7 +77,7 @@ mod tests {
 
     #[test]
     fn samples_are_distributed_as_the_value_says() {
-        let Similar { phase, .. } = Similar::to(0.85);
+        let Similar { phase, .. } = Similar::to(0.85, 0.97);
         let mut rng = Rng::new(3, Stage::Photons, 0);
         let (n, bins) = (400_000, 40);
         let mut counts = vec![0.0f64; bins];

@@ -33,14 +33,14 @@ pub(super) enum Basis {
 pub(super) const AROUND: usize = HARMONICS + 1;
 
 impl Basis {
-    /// For a camera at `eye`, that sees light through the scene's media or through similar ones: then what scatters in the scene's own is worth
+    /// For a camera at `eye`, that sees light through the scene's media or through similar ones, as far from them as [`Similar::to`] says: then what scatters in the scene's own is worth
     /// more, as its light is looked up per optical depth of the others.
-    pub fn view(scene: &Scene, eye: Vec3, similar: bool) -> Self {
+    pub fn view(scene: &Scene, eye: Vec3, similar: Option<f64>) -> Self {
         let mut cosines: Vec<f64> = scene.regions.iter().map(|r| r.medium.g).collect();
         cosines.sort_unstable_by(f64::total_cmp);
         cosines.dedup();
-        let wide = cosines.iter().map(|&g| Similar::to(g)).filter(|_| similar);
-        let worth = |g: f64| if similar { 1.0 / (1.0 - Similar::to(g).straight) } else { 1.0 };
+        let wide = similar.into_iter().flat_map(|part| cosines.iter().map(move |&g| Similar::to(g, part)));
+        let worth = |g: f64| similar.map_or(1.0, |part| 1.0 / (1.0 - Similar::to(g, part).straight));
         let lobes = cosines.iter().map(|&g| Lobe::new(g, Vec3::Z).times(worth(g))).collect();
         let wide = wide.map(|similar| Lobe::of(similar.phase, Vec3::Z)).collect();
         Basis::View { eye, cosines, lobes, wide }

@@ -106,6 +106,11 @@ impl Field {
         self.orders.similar()
     }
 
+    /// By what share of itself its light may be off for that.
+    pub(super) fn off(&self) -> f32 {
+        self.orders.off()
+    }
+
     /// Follows so many photons, and smooths their light.
     ///
     /// # Errors

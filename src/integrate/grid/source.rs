@@ -144,7 +144,7 @@ impl SourceFunction {
             let shines = irradiance > 0.0;
             let sunward = part.sun.direction.normalize().as_vec3();
             let basis = match kept {
-                Kept::Toward(eye) => Basis::view(&part, (eye - origin).as_vec3(), false),
+                Kept::Toward(eye) => Basis::view(&part, (eye - origin).as_vec3(), None),
                 Kept::Around { degree } => {
                     Basis::Around { degree, axis: (degree > 0 && shines && mean_cosine > PEAKED).then_some(sunward) }
                 }

@@ -1,7 +1,6 @@
 //! Ways of light from the camera: through media, where light is looked up, and off surfaces.
 
 use super::field::{Field, Found};
-use super::orders::SIMILARITY;
 use super::{Channel, Room};
 use crate::geom::Ray;
 use crate::integrate::lens::View;
@@ -183,7 +182,7 @@ impl Channel {
                 let g = band.optics[region as usize].1;
                 field.scattered(ray.at(distance), -ray.direction, g, share, &mut found);
             }
-            found.doubt = found.doubt.hypot(SIMILARITY * found.groups.iter().sum::<f32>());
+            found.doubt = found.doubt.hypot(field.off() * found.groups.iter().sum::<f32>());
         }
         Stretch { direct: direct * weight as f32, found, clear: (-depth).exp() as f32, far: far * weight, looks: slices.into() }
     }
