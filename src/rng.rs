@@ -42,6 +42,12 @@ impl Rng {
         (self.0.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
+    /// 64 random bits.
+    #[inline]
+    pub fn bits(&mut self) -> u64 {
+        self.0.next_u64()
+    }
+
     /// A uniform number in [0, 1) in single precision (24 random bits).
     #[inline]
     pub fn uniform_f32(&mut self) -> f32 {

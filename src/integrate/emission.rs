@@ -51,7 +51,9 @@ pub fn render_emission(
 impl Transport for EmissionTracer<'_> {
     type Room = Room;
 
-    const PARTS: u32 = 2;
+    const DEALT: bool = true;
+
+    const STORED: bool = false;
 
     fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
         let mut arrival = Arrival::default();

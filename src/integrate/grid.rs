@@ -140,7 +140,7 @@ impl GridTracer {
             let glow = (!part.air.is_empty()).then(|| {
                 let wide = part.surfaces.iter().fold(part.region_bounds(), |b, s| b.union(s.mesh.bounds())).size().length();
                 let size = if part.regions.is_empty() { wide } else { part.region_bounds().size().length() };
-                Glow::new(&tracer, lens, [settings.width, settings.height], size.max(1.0) as f32, settings.seed)
+                Glow::new(&tracer, lens, [settings.width, settings.height], size.max(1.0) as f32, told, settings.seed)
             });
             let media = !part.regions.is_empty() || !part.air.is_empty() || !part.flames.is_empty();
             let cast = (media && !tracer.surfaces.is_empty()).then(|| Cast::new(lens, [settings.width, settings.height], settings.seed));
@@ -224,12 +224,12 @@ impl Found {
 impl Transport for GridTracer {
     type Room = Room;
 
-    const PARTS: u32 = 2;
+    const DEALT: bool = true;
 
     fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
         let mut whole = Arrival::default();
         for channel in &self.channels {
-            whole.add(&channel.radiance(view, rng, room), channel.mask);
+            whole.add_stored(&channel.radiance(view, rng, room), channel.mask);
         }
         whole
     }

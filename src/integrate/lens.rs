@@ -27,6 +27,27 @@ pub(super) struct View {
     pub cos: f32,
     /// Depth where it starts, m.
     pub near: f32,
+    /// What part of its pixel's samples it stands for.
+    pub stratum: Stratum,
+}
+
+/// Samples of a pixel are dealt to 2^`bits` strata in turn. Each is a part of the pixel, and a part of every slice of a ray in which a
+/// place is drawn: another part in each slice, by what `turns` says for all samples of the pixel, so that over all strata places are
+/// spread evenly along the slice, and every part of the pixel may meet every part of it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Stratum {
+    pub number: u32,
+    pub bits: u32,
+    pub turns: u64,
+}
+
+impl Stratum {
+    /// A number in [0, 1) for a slice, uniform over all that `turns` may be, by one that is.
+    #[inline]
+    pub(super) fn of(&self, slice: u32, xi: f64) -> f64 {
+        let turn = self.turns.rotate_right(self.bits * slice) as u32 & ((1 << self.bits) - 1);
+        (f64::from(self.number ^ turn) + xi) / f64::from(1 << self.bits)
+    }
 }
 
 impl Lens {
@@ -67,6 +88,34 @@ impl Lens {
         let stretch = local.length();
         let direction = (self.axes * (local / stretch)).normalize();
         let ray = Ray { origin: self.position + direction * (self.near * stretch), direction };
-        View { ray, reach: (self.far - self.near) * stretch, cos: 1.0 / stretch, near: self.near }
+        View { ray, reach: (self.far - self.near) * stretch, cos: 1.0 / stretch, near: self.near, stratum: Stratum::default() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Rng, Stage};
+
+    /// The strata of a pixel share every slice without a gap; and over pixels each has every part of it as often.
+    #[test]
+    fn strata_fill_every_slice() {
+        let mut rng = Rng::new(4, Stage::Render, 0);
+        for bits in 0..=4u32 {
+            let of = 1u32 << bits;
+            let mut met = vec![0; of as usize];
+            for _ in 0..1000 {
+                let turns = rng.bits();
+                for slice in [0, 1, 5, 15, 40] {
+                    let share = |number: u32| Stratum { number, bits, turns }.of(slice, 0.5) * f64::from(of);
+                    let mut parts: Vec<u32> = (0..of).map(|number| share(number) as u32).collect();
+                    met[parts[0] as usize] += 1;
+                    parts.sort_unstable();
+                    assert!(parts.iter().copied().eq(0..of), "{parts:?}");
+                }
+            }
+            let (mean, most) = (5000.0 / f64::from(of), met.iter().map(|&n| f64::from(n)).fold(0.0, f64::max));
+            assert!(most - mean < 5.0 * mean.sqrt(), "{met:?}");
+        }
     }
 }

@@ -245,7 +245,12 @@ impl PathTracer {
 impl Transport for PathTracer {
     type Room = Scratch;
 
+    const STORED: bool = false;
+
     fn arrival(&self, view: &View, rng: &mut Rng, scratch: &mut Scratch) -> Arrival {
+        if let [band] = &self.bands[..] {
+            return self.radiance(band, view.ray, view.reach, rng, scratch);
+        }
         let mut whole = Arrival::default();
         for band in &self.bands {
             whole.add(&self.radiance(band, view.ray, view.reach, rng, scratch), Vec3::ONE);

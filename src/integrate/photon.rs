@@ -370,7 +370,7 @@ impl Transport for PhotonTracer {
     fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
         let mut whole = Arrival::default();
         for channel in &self.channels {
-            whole.add(&channel.radiance(view.ray, view.reach, self.slice, rng, room), channel.mask);
+            whole.add_stored(&channel.radiance(view.ray, view.reach, self.slice, rng, room), channel.mask);
         }
         whole
     }

@@ -1,6 +1,6 @@
 //! Tiles of pixels: camera rays, their mean by layer, and how well it is known.
 
-use super::lens::{Lens, View};
+use super::lens::{Lens, Stratum, View};
 use crate::film::{NOTHING, Pixel};
 use crate::media::Scratch;
 use crate::photon::GROUPS;
@@ -12,8 +12,8 @@ use glam::{DVec3, Vec3};
 /// Samples of a pixel that also measure the transmittance, exactly along each ray.
 const CLEAR: u32 = 8;
 
-/// The largest that [`Transport::PARTS`] may be, squared.
-const MOST_PARTS: usize = 4;
+/// The most strata that a pixel's samples are dealt to, as a power of two.
+const MOST_STRATA: u32 = 4;
 
 /// How a path reached the camera: the layer that its light belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,15 +64,20 @@ impl Arrival {
         }
     }
 
-    /// Adds what another channel brings, tinted.
-    pub(super) fn add(&mut self, other: &Arrival, tint: Vec3) {
-        for (sum, light) in self.light.iter_mut().zip(other.light) {
-            *sum += light * tint;
-        }
+    /// Adds what another channel brings, tinted, of stored photons too.
+    pub(super) fn add_stored(&mut self, other: &Arrival, tint: Vec3) {
+        self.add(other, tint);
         for (sum, light) in self.groups.iter_mut().zip(other.groups) {
             *sum += light * tint;
         }
         self.doubt += other.doubt * tint;
+    }
+
+    /// Adds what another channel brings, tinted, without stored photons.
+    pub(super) fn add(&mut self, other: &Arrival, tint: Vec3) {
+        for (sum, light) in self.light.iter_mut().zip(other.light) {
+            *sum += light * tint;
+        }
         self.depth = (self.depth.0 + other.depth.0, self.depth.1 + other.depth.1);
         self.collisions += other.collisions;
         self.truncated += other.truncated;
@@ -84,8 +89,11 @@ pub(super) trait Transport: Sync {
     /// Room that a tile keeps from ray to ray.
     type Room: Default + Send;
 
-    /// Parts along each side of a pixel that samples are dealt to in turn.
-    const PARTS: u32 = 1;
+    /// Whether samples are dealt to strata in turn.
+    const DEALT: bool = false;
+
+    /// Whether stored photons bring light.
+    const STORED: bool = true;
 
     /// What arrives along a camera ray.
     fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Self::Room) -> Arrival;
@@ -144,10 +152,12 @@ impl<Room> Tile<Room> {
         rng: &mut Rng,
         progress: &dyn Progress,
     ) {
-        // Samples are dealt to the parts in turn; an odd lot is spread over the whole pixel.
-        let parts = if spp.is_multiple_of(T::PARTS * T::PARTS) && spp > T::PARTS * T::PARTS { T::PARTS } else { 1 };
+        // As many strata as have an even share of at least two.
+        let bits = if T::DEALT { spp.trailing_zeros().min((spp / 2).max(1).ilog2()).min(MOST_STRATA) } else { 0 };
+        let turns = if bits > 0 { rng.bits() } else { 0 };
+        let (strata, across, down) = (1u32 << bits, 1u32 << bits.div_ceil(2), 1u32 << (bits / 2));
         let mut light = [DVec3::ZERO; 4];
-        let mut between = [(DVec3::ZERO, DVec3::ZERO); MOST_PARTS];
+        let mut between = [(DVec3::ZERO, DVec3::ZERO); 1 << MOST_STRATA];
         let (mut photons, mut doubt) = (Photons::default(), DVec3::ZERO);
         let (mut depth, mut events) = (0.0f64, 0.0f64);
         let (mut through, mut opaque) = (0.0f64, 0u32);
@@ -155,9 +165,10 @@ impl<Room> Tile<Room> {
             if sample % 64 == 63 && progress.cancelled() {
                 break;
             }
-            let part = sample % (parts * parts);
-            let at = |whole: u32, part: u32, u: f32| whole as f32 + (part as f32 + u) / parts as f32;
-            let view = lens.view(at(x, part % parts, rng.uniform_f32()), at(y, part / parts, rng.uniform_f32()));
+            let number = sample % strata;
+            let at = |whole: u32, (part, of): (u32, u32), u: f32| whole as f32 + (part as f32 + u) / of as f32;
+            let view = lens.view(at(x, (number % across, across), rng.uniform_f32()), at(y, (number / across, down), rng.uniform_f32()));
+            let view = View { stratum: Stratum { number, bits, turns }, ..view };
             if sample < CLEAR {
                 let (share, surface) = transport.clear(&view, &mut self.room);
                 (through, opaque) = (through + share, opaque + u32::from(surface));
@@ -168,21 +179,23 @@ impl<Room> Tile<Room> {
                 *layer += arrived.as_dvec3();
                 sum += arrived.as_dvec3();
             }
-            photons.add(&arrival.groups);
+            if T::STORED {
+                photons.add(&arrival.groups);
+            }
             doubt += arrival.doubt.as_dvec3();
             let (far, chance) = arrival.depth;
             (depth, events) = (depth + f64::from(view.near) * chance + far * f64::from(view.cos), events + chance);
             self.collisions += arrival.collisions;
             self.truncated += arrival.truncated;
-            let (first, second) = &mut between[part as usize];
+            let (first, second) = &mut between[number as usize];
             (*first, *second) = (*first + sum, *second + sum * sum);
         }
         let n = f64::from(spp);
         let rgb = |sum: DVec3| (sum / n).as_vec3().to_array();
-        let each = n / f64::from(parts * parts);
-        // Of the mean of each part, and so of the mean of the parts.
+        let each = n / f64::from(strata);
+        // Of the mean of each stratum, and so of the mean of them all.
         let variance = |&(sum, squares): &(DVec3, DVec3)| (squares / each - (sum / each) * (sum / each)).max(DVec3::ZERO) / (each - 1.0);
-        let count = (parts * parts) as usize;
+        let count = strata as usize;
         let between_samples = between[..count].iter().map(variance).sum::<DVec3>() / (count * count) as f64;
         // A quarter is left where the photons' part, which may come out below zero, would take all.
         let of_photons = photons.variance(n);

@@ -25,6 +25,25 @@ fn on(scene: &Scene, name: EffectName) -> bool {
     Plan::for_scene(scene, Density::Source).on(name)
 }
 
+/// Of sky, variation and overlap: scenes that are alike but for that.
+#[test]
+fn sky_variation_and_overlap_are_on_where_they_are_there() {
+    use EffectName::*;
+    let with = |change: &dyn Fn(&mut Scene)| {
+        let mut scene = scene(5.0);
+        change(&mut scene);
+        scene
+    };
+    // The sky: black; even and faint, which is seen all the same.
+    assert!(!on(&with(&|s| s.sky = [0.0; 3]), Sky) && on(&with(&|s| s.sky = [0.0, 0.0, 1e-9]), Sky));
+    // One region of voxels, and the same ball without.
+    let bricks = crate::scene::BrickGrid { world_from_index: glam::DAffine3::IDENTITY, origins: vec![[0; 3]], values: vec![1.0; 512] };
+    let grid = Shape::Grid(Arc::new(crate::scene::VoxelGrid::new(bricks, [0; 3], [7; 3], false)));
+    assert!(on(&with(&|s| s.regions[0].shape = grid.clone()), Heterogeneity) && !on(&with(&|_| ()), Heterogeneity));
+    // Balls a hair apart, and a hair into each other.
+    assert!(!on(&scene(2.001), Overlap) && on(&scene(1.999), Overlap));
+}
+
 #[test]
 fn each_effect_is_on_only_where_the_scene_calls_for_it() {
     use EffectName::*;

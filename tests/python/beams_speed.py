@@ -1,8 +1,8 @@
 """Sunbeams to 5 % a pixel: `--error 5%` beside the seconds that Cycles and Mitsuba take to that, by the variance of a few samples.
 
-    python tests/python/beams_speed.py [--samples 64] [--size 192x144]
+    python tests/python/beams_speed.py [--samples 64] [--size 192x144] [--scene balls deck]
 
-Balls in a layer of haze above a ground, against the sun. One run, side by side, two seeds each. Ours is the whole command, with the smaller
+Two balls in a layer of haze above a ground, against the sun; and a broken deck of clouds (`peers.deck`). One run, side by side, two seeds each. Ours is the whole command, with the smaller
 pictures by which it finds its settings; its error is against the path tracer's mean of two pictures, free of their noise.
 """
 import argparse
@@ -16,13 +16,21 @@ import numpy as np
 import honest
 import peers
 
+SCENES = {"balls": lambda: peers.BEAMS, "deck": peers.deck}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--samples", type=int, default=64)
     parser.add_argument("--size", default="192x144")
+    parser.add_argument("--scene", nargs="*", choices=SCENES, default=list(SCENES))
     options = parser.parse_args()
-    width, height = map(int, options.size.split("x"))
-    scene = peers.described(width, height, **peers.BEAMS)
+    for name in options.scene:
+        print(f"{name}:", flush=True)
+        compare(peers.described(*map(int, options.size.split("x")), **SCENES[name]()), options.samples)
+
+
+def compare(scene, samples):
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         truth = honest.Truth(scene, folder, 1024)
@@ -31,9 +39,9 @@ def main():
             off = math.sqrt(np.mean([truth.off(image) ** 2 for image, _, _ in runs]))
             took = statistics.median(said["wall"] for _, _, said in runs)
             print(f"{integrator + ' --error 5%':16} {took:8.1f} s, error {off:.1%}, to 5 % {took * (off / 0.05) ** 2:8.1f} s", flush=True)
-        peer = {"Cycles 4.5": lambda: peers.cycles(scene, options.samples, [1, 2])}
+        peer = {"Cycles 4.5": lambda: peers.cycles(scene, samples, [1, 2])}
         if peers.has_mitsuba():
-            peer["Mitsuba 3.9"] = lambda: peers.mitsuba(scene, options.samples, [1, 2])
+            peer["Mitsuba 3.9"] = lambda: peers.mitsuba(scene, samples, [1, 2])
         for name, run in peer.items():
             shots = run()
             a, b = shots.images @ np.array([0.2126, 0.7152, 0.0722])

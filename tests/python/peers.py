@@ -43,6 +43,24 @@ BEAMS = {"balls": [{"centre": centre, "radius": radius, "sigma": 9.0, "albedo": 
          "sun": {"direction": (0.2, -0.75, -0.6), "angle": 1e-4}, "ground": {"z": -0.8, "albedo": 0.5}}
 
 
+def deck():
+    """Beams between the clouds of scenes/sunbeams.gltf: a ball for each that meets no other, as Mitsuba asks, in haze in which dark things
+    are seen from 9 km; seen from below, against the sun."""
+    layout = json.loads((pathlib.Path(__file__).parents[2] / "scenes/sunbeams.gltf").read_text())
+    balls = []
+    for node in layout["nodes"]:
+        if not node["name"].startswith("Cloud"):
+            continue
+        x, y, z = node["translation"]
+        ball = {"centre": (x, -z, y), "radius": 0.7 * node["scale"][0], "sigma": 0.05, "albedo": 0.99, "g": 0.85}
+        if all(math.dist(b["centre"], ball["centre"]) > b["radius"] + ball["radius"] for b in balls):
+            balls.append(ball)
+    return {"balls": balls, "ground": {"z": 0.0, "albedo": 0.15, "half_size": 3e4},
+            "haze": {"sigma": 3.912 / 9000, "albedo": 0.99, "g": 0.85, "base": -10.0, "top": 3000.0, "half_size": 3e4},
+            "sun": {"direction": (0.0, -math.cos(math.radians(33)), -math.sin(math.radians(33))), "angle": 1e-4},
+            "camera": {"position": (0.0, -1500.0, 60.0), "look_at": (0.0, 900.0, 560.0), "fov_x": math.radians(62)}}
+
+
 @dataclasses.dataclass
 class Shots:
     """Pictures of one scene, one a seed."""

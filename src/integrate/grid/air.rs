@@ -3,6 +3,7 @@
 use super::field::{Found, grey};
 use super::{Channel, Room};
 use crate::geom::Ray;
+use crate::integrate::lens::Stratum;
 use crate::integrate::path::PathTracer;
 use crate::media::air::{Layer, Spectrum};
 use crate::rng::Rng;
@@ -29,7 +30,7 @@ impl Channel {
     /// What air sends along the first `reach` metres of a ray, of whose regions the room holds the profile. In each layer, points are
     /// spread evenly over the chance of a collision in that layer alone. Light that comes from elsewhere than the sun is looked up along
     /// camera rays; along others it is followed, from one of the points.
-    pub(super) fn air(&self, ray: &Ray, reach: f32, first: bool, rng: &mut Rng, room: &mut Room) -> Sent {
+    pub(super) fn air(&self, (ray, stratum): (&Ray, Stratum), reach: f32, first: bool, rng: &mut Rng, room: &mut Room) -> Sent {
         let (tracer, band) = (&self.tracer, &self.tracer.bands[0]);
         let mut sent = Sent::default();
         let looks = if first { LOOKS } else { FEW };
@@ -43,7 +44,8 @@ impl Channel {
             for i in 0..looks {
                 // By one of the channels; what each would have found so counts by the balance heuristic.
                 let hero = Spectrum::draw(&band.air, rng).hero();
-                let along = (f64::from(i) + rng.uniform()) / f64::from(looks) * chances[hero];
+                let share = stratum.of(number as u32 * looks + i, rng.uniform());
+                let along = (f64::from(i) + share) / f64::from(looks) * chances[hero];
                 let Some(distance) = layer.distance(ray, reach, -(-along).ln_1p() / layer.sigma_t()[hero]) else { continue };
                 let own = layer.sigma_t() * layer.optical_depth(ray, distance).map(|depth| (-depth).exp());
                 let density = DVec3::select(chances.cmpgt(DVec3::ZERO), own / chances, DVec3::ZERO).element_sum() / 3.0;

@@ -1,12 +1,13 @@
 //! What air sends toward the camera besides sunlight that scattered once: light of clouds, of the ground, of the sky, of other air. It is
-//! smooth, so it is followed by paths from few places in the camera's view, and looked up between them.
+//! smooth, so it is followed by paths from few places in the camera's view, and looked up between them. Each place is an unbiased estimate; what
+//! light bends between places is a bias, which falls as photons, and places with them, grow.
 
 use super::field::{Found, Groups, grey};
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::integrate::lens::Lens;
 use crate::integrate::path::PathTracer;
-use crate::media::Scratch;
+use crate::media::{Scratch, air::Layer};
 use crate::photon::GROUPS;
 use crate::progress::{Progress, share};
 use crate::rng::{Rng, Stage};
@@ -14,14 +15,17 @@ use crate::sampling::around;
 use crate::scene::air::MOST_LAYERS;
 use glam::{UVec3, Vec3};
 
-/// Places along the picture's longer side, and along each ray; their distances grow by a factor.
-const ACROSS: f32 = 28.0;
-const ALONG: u32 = 20;
+/// Places along the picture's longer side and along each ray, for [`USUAL`] photons: between them light is smooth, and few places have many
+/// paths. With more photons there are more, by their eighth root. Along a ray, distances grow by a factor.
+const PLACES: f64 = 10.0;
+const USUAL: f64 = 50_000.0;
+const MOST: f64 = 4.0;
 /// The nearest, over the scene's size, and the farthest, in mean free paths and over the scene's size.
 const NEAREST: f32 = 0.02;
 const FARTHEST: (f64, [f32; 2]) = (4.0, [1.0, 200.0]);
-/// Photons for which one path is followed.
-const PHOTONS_A_PATH: u64 = 4;
+/// Paths of each group and place at least; and photons for which one path is followed.
+const LEAST_PATHS: u64 = 8;
+const PHOTONS_A_PATH: u64 = 1;
 
 /// Light at places in the camera's view.
 #[derive(Debug)]
@@ -33,7 +37,7 @@ pub(super) struct Glow {
     /// By how much the logarithm of the distance grows from place to place.
     step: f32,
     seed: u64,
-    /// Paths of each group, place and layer.
+    /// Paths of each group and place that each layer draws.
     paths: u64,
     /// Of each place, by layers; none where surfaces hide it.
     light: Vec<Option<[Sums; MOST_LAYERS]>>,
@@ -48,17 +52,19 @@ struct Sums {
 }
 
 impl Glow {
-    /// Places for a camera and a scene of some size, which are dark yet.
-    pub(super) fn new(tracer: &PathTracer, lens: Lens, [width, height]: [u32; 2], size: f32, seed: u64) -> Self {
+    /// Places for a camera, a scene of some size, and so many photons; they are dark yet.
+    pub(super) fn new(tracer: &PathTracer, lens: Lens, [width, height]: [u32; 2], size: f32, photons: u64, seed: u64) -> Self {
         let pixels = [width as f32, height as f32];
-        let apart = pixels[0].max(pixels[1]) / ACROSS;
+        let places = PLACES * (photons as f64 / USUAL).powf(0.125).clamp(1.0, MOST);
+        let apart = pixels[0].max(pixels[1]) / places as f32;
         let count = |pixels: f32| (pixels / apart).ceil().max(1.0) as u32 + 1;
         let air = &tracer.bands[0].air;
         let densest: f64 = air.layers().iter().map(|layer| layer.sigma_t().max_element()).sum();
         let farthest = ((FARTHEST.0 / densest) as f32).clamp(size * FARTHEST.1[0], size * FARTHEST.1[1]);
         let nearest = (size * NEAREST).min(farthest * 0.5);
-        let size = UVec3::new(count(pixels[0]), count(pixels[1]), ALONG);
-        let step = (farthest / nearest).ln() / (ALONG - 1) as f32;
+        let along = places.ceil() as u32;
+        let size = UVec3::new(count(pixels[0]), count(pixels[1]), along);
+        let step = (farthest / nearest).ln() / (along - 1) as f32;
         Glow { lens, pixels, size, nearest, step, seed, paths: 0, light: Vec::new() }
     }
 
@@ -68,13 +74,15 @@ impl Glow {
     /// [`crate::Error::Interrupted`].
     pub(super) fn brighten(&mut self, tracer: &PathTracer, photons: u64, progress: &dyn Progress) -> Result<()> {
         let places = self.size.element_product();
-        self.paths = (photons / (PHOTONS_A_PATH * u64::from(places) * GROUPS as u64)).max(1);
-        progress.begin("air", places.into());
+        let (places, layers) = (u64::from(places), tracer.bands[0].air.layers().len() as u64);
+        let paths = (photons / (PHOTONS_A_PATH * places * GROUPS as u64)).max(LEAST_PATHS);
+        self.paths = paths.div_ceil(layers.max(1));
+        progress.begin("air", places);
         let one = |place: u64| {
             let mut rng = Rng::new(self.seed, Stage::Air, place);
             if progress.cancelled() { None } else { self.follow(tracer, place as u32, &mut rng, &mut Scratch::default()) }
         };
-        self.light = share(0..u64::from(places), one, progress, |done| progress.at(done))?;
+        self.light = share(0..places, one, progress, |done| progress.at(done))?;
         progress.check()
     }
 
@@ -89,14 +97,21 @@ impl Glow {
         }
         let band = &tracer.bands[0];
         let mut out = [Sums::default(); MOST_LAYERS];
-        for (layer, sums) in band.air.layers().iter().zip(&mut out) {
-            for sum in &mut sums.groups {
-                for _ in 0..self.paths {
-                    let (cos, sin) = layer.scattering.sample(rng.uniform());
-                    let direction = around(view.direction, cos as f32, sin as f32, rng.uniform_f32());
-                    let ray = Ray { origin: view.at(distance), direction };
-                    let light: Vec3 = tracer.radiance(band, ray, f32::INFINITY, rng, scratch).light.iter().sum();
-                    *sum += grey(light);
+        let layers = band.air.layers();
+        let count = layers.len() as u64;
+        for group in 0..GROUPS {
+            for i in 0..self.paths * count {
+                // Each layer draws as many directions as the others, evenly; what all find counts for each by the balance heuristic.
+                let along = ((i / count) as f64 + rng.uniform()) / self.paths as f64;
+                let (cos, sin) = layers[(i % count) as usize].scattering.sample(along);
+                let direction = around(view.direction, cos as f32, sin as f32, rng.uniform_f32());
+                let ray = Ray { origin: view.at(distance), direction };
+                let light: Vec3 = tracer.radiance(band, ray, f32::INFINITY, rng, scratch).light.iter().sum();
+                let sent = |layer: &Layer| layer.scattering.value(1.0 - cos);
+                let all: f64 = layers.iter().map(sent).sum();
+                for (layer, sums) in layers.iter().zip(&mut out) {
+                    let light = light * (sent(layer) / all) as f32;
+                    sums.groups[group] += grey(light);
                     sums.rgb += light;
                 }
             }

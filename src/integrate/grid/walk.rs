@@ -3,7 +3,7 @@
 use super::field::{Field, Found};
 use super::{Channel, Room};
 use crate::geom::Ray;
-use crate::integrate::lens::View;
+use crate::integrate::lens::{Stratum, View};
 use crate::integrate::tile::{Arrival, Layer};
 use crate::rng::Rng;
 use crate::sampling::{cosine_hemisphere, cosine_hemisphere_pdf};
@@ -43,18 +43,25 @@ struct Stretch {
 impl Channel {
     /// What arrives along a camera ray, or from the sky behind.
     pub(super) fn radiance(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
-        self.walk(view.ray, (view.reach, Layer::Environment, Counted::All), rng, room)
+        self.walk(view.ray, view.stratum, (view.reach, Layer::Environment, Counted::All), rng, room)
     }
 
     /// What media send to a white surface at `p` from one direction, drawn by the cosine: an estimate of the radiance that it sends out; and
     /// how far away the way's first event is.
     pub(super) fn cast_on(&self, p: Vec3, normal: Vec3, rng: &mut Rng, room: &mut Room) -> Arrival {
         let direction = cosine_hemisphere(normal, rng.uniform_f32(), rng.uniform_f32());
-        self.walk(Ray { origin: p, direction }, (f32::INFINITY, Layer::Surface, Counted::Media), rng, room)
+        self.walk(Ray { origin: p, direction }, Stratum::default(), (f32::INFINITY, Layer::Surface, Counted::Media), rng, room)
     }
 
     /// What arrives along the first `reach` metres of a ray that came from a `layer`, or from the sky behind.
-    fn walk(&self, mut ray: Ray, (mut reach, mut layer, mut counted): (f32, Layer, Counted), rng: &mut Rng, room: &mut Room) -> Arrival {
+    fn walk(
+        &self,
+        mut ray: Ray,
+        mut stratum: Stratum,
+        (mut reach, mut layer, mut counted): (f32, Layer, Counted),
+        rng: &mut Rng,
+        room: &mut Room,
+    ) -> Arrival {
         let (tracer, band) = (&self.tracer, &self.tracer.bands[0]);
         let (mut arrival, mut throughput, mut own, mut begun) = (Arrival::default(), Vec3::ONE, f64::INFINITY, false);
         loop {
@@ -63,7 +70,7 @@ impl Channel {
             let clear = if counted == Counted::Rest {
                 (-band.media.optical_depth(&ray, free, &mut room.scratch)).exp() as f32
             } else {
-                let Stretch { far, clear, .. } = self.media(&ray, free, (layer, throughput), &mut arrival, rng, room);
+                let Stretch { far, clear, .. } = self.media((&ray, stratum), free, (layer, throughput), &mut arrival, rng, room);
                 if !begun {
                     let chance = f64::from(1.0 - clear);
                     arrival.depth = hit.map_or((far, chance), |hit| (far + f64::from(clear) * f64::from(hit.t), 1.0));
@@ -104,14 +111,14 @@ impl Channel {
             throughput /= kept;
             ray = Ray { origin: p, direction: cosine_hemisphere(hit.normal, rng.uniform_f32(), rng.uniform_f32()) };
             own = cosine_hemisphere_pdf(ray.direction.dot(hit.normal)).into();
-            reach = f32::INFINITY;
+            (reach, stratum) = (f32::INFINITY, Stratum::default());
         }
     }
 
     /// Adds what media along the first `reach` metres of a ray send back, that came from a `layer` with a throughput.
     fn media(
         &self,
-        ray: &Ray,
+        (ray, stratum): (&Ray, Stratum),
         reach: f32,
         (layer, throughput): (Layer, Vec3),
         arrival: &mut Arrival,
@@ -122,13 +129,13 @@ impl Channel {
         let first = layer == Layer::Environment;
         let (field, slice) =
             if first { (&self.view, SLICE) } else { (if self.around.is_some() { &self.around } else { &self.view }, COARSE) };
-        let stretch = self.march(ray, reach, field.as_ref(), slice, rng, room);
+        let stretch = self.march((ray, stratum), reach, field.as_ref(), slice, rng, room);
         arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * stretch.direct;
         arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * stretch.found.rgb;
         stretch.found.add_to(arrival, throughput);
         arrival.collisions += stretch.looks;
         if !tracer.bands[0].air.is_empty() {
-            let sent = self.air(ray, reach, first, rng, room);
+            let sent = self.air((ray, stratum), reach, first, rng, room);
             arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * sent.direct;
             arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * (sent.found.rgb + sent.followed);
             sent.found.add_to(arrival, throughput);
@@ -144,7 +151,15 @@ impl Channel {
     }
 
     /// The first `reach` metres of a ray, by slices of the chance of a collision of at most `slice`.
-    fn march(&self, ray: &Ray, reach: f32, field: Option<&Field>, slice: f64, rng: &mut Rng, room: &mut Room) -> Stretch {
+    fn march(
+        &self,
+        (ray, stratum): (&Ray, Stratum),
+        reach: f32,
+        field: Option<&Field>,
+        slice: f64,
+        rng: &mut Rng,
+        room: &mut Room,
+    ) -> Stretch {
         let (tracer, band) = (&self.tracer, &self.tracer.bands[0]);
         let similar = field.and_then(|field| Some((field, field.similar()?)));
         let opaque = similar.map_or(OPAQUE, |(_, similar)| OPAQUE.max(HAZY / similar.thinnest()));
@@ -155,7 +170,7 @@ impl Channel {
         let weight = chance / f64::from(slices.max(1));
         let (mut direct, mut far, mut found, mut step) = (Vec3::ZERO, 0.0, Found::default(), 0);
         for i in 0..slices {
-            let tau = -(-(f64::from(i) + rng.uniform()) * weight).ln_1p();
+            let tau = -(-(f64::from(i) + stratum.of(i, rng.uniform())) * weight).ln_1p();
             let distance = room.profile.distance(tau, &mut step);
             let region = room.profile.region(distance, || rng.uniform());
             let (albedo, g) = band.optics[region as usize];

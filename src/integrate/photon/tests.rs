@@ -72,7 +72,7 @@ fn oracle(samples: u64, seed: u64, sample: impl Fn(&mut Rng, &mut Scratch) -> f6
 
 /// What arrives along the first `reach` metres of a ray, by layer, in grey.
 fn arrives(reference: &PathTracer, ray: Ray, reach: f32, rng: &mut Rng, scratch: &mut Scratch) -> [f64; 4] {
-    let arrival = reference.arrival(&View { ray, reach, cos: 1.0, near: 0.0 }, rng, scratch);
+    let arrival = reference.arrival(&View { ray, reach, cos: 1.0, near: 0.0, stratum: Default::default() }, rng, scratch);
     arrival.light.map(|light| f64::from(light.y))
 }
 

@@ -185,8 +185,9 @@ def stage(described):
         bpy.ops.mesh.primitive_plane_add(size=2 * ground["half_size"], location=(0, 0, ground["z"]))
         named("Ground").data.materials.append(matte(ground["albedo"]))
     for i, ball in enumerate(described.get("balls", ())):
-        # A mesh lies inside its sphere: scaled to the sphere's volume, 80 thousand triangles are within 3e-5 of it.
-        thing = ico(f"Ball.{i}", at=ball["centre"], subdivisions=7)
+        # A mesh lies inside its sphere: scaled to the sphere's volume, 80 thousand triangles are within 3e-5 of it (of many balls, 5
+        # thousand within 5e-4).
+        thing = ico(f"Ball.{i}", at=ball["centre"], subdivisions=7 if len(described["balls"]) < 40 else 5)
         volume = _volume(thing.data)
         thing.scale = (ball["radius"] * (4 / 3 * math.pi / volume) ** (1 / 3),) * 3
         principled(thing, ball["sigma"], ball["albedo"], anisotropy=ball["g"], emission=ball.get("emission"))
