@@ -27,7 +27,7 @@ use std::f64::consts::PI;
 mod judge;
 mod voxels;
 
-pub use judge::{BakeError, judge};
+pub use judge::{BakeError, Beside, judge};
 
 /// What of the light's directions is baked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
