@@ -19,6 +19,9 @@ HARMONICS = (
 #: The names of the lights, as the group of the baked light shows them.
 LIGHTS = {"all": "Light", "sun": "Sun", "sky": "Sky", "red": "Light", "green": "Light", "blue": "Light"}
 
+#: The grids of what shines by itself.
+EMISSION = ("emission", "emission_red", "emission_green", "emission_blue")
+
 
 class Tree:
     """A node tree, written as arithmetic: numbers, and sockets of nodes made before."""

@@ -53,3 +53,21 @@ impl Flame {
         Region { name: self.name.clone(), shape: self.shape.clone(), medium, photons: None }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DAffine3, DVec3};
+
+    #[test]
+    fn one_channel_tells_of_one_colour_and_three_of_several() {
+        let flame = |emission: [f64; 3]| {
+            let world_from_unit = DAffine3::from_scale(DVec3::ONE);
+            Flame { name: "f".into(), shape: Shape::Ellipsoid { world_from_unit }, emission }
+        };
+        assert!(Flame::channels(&[]).is_empty());
+        assert_eq!(Flame::channels(&[flame([1.0, 4.0, 2.0]), flame([0.25, 1.0, 0.5])]), [(1, [0.25, 1.0, 0.5])]);
+        let several = Flame::channels(&[flame([1.0, 4.0, 2.0]), flame([1.0, 4.0, 2.1])]);
+        assert_eq!(several, [(0, [1.0, 0.0, 0.0]), (1, [0.0, 1.0, 0.0]), (2, [0.0, 0.0, 1.0])]);
+    }
+}
