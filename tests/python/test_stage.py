@@ -89,10 +89,10 @@ def test_clouds_between_lamps(cloudvdb, tmp_path, python):
     """Live with the ground; and baked, where lamps light the ground but not the cloud once more."""
     source = lit(tmp_path / "lamps.glb", [POINT, SPOT])
     image = shown(script(source, tmp_path, *LAMPS), samples=150, bounces=64, python=python)["arrays"]["images"][0]
-    agree(image, truth(source, tmp_path, *LAMPS, spp=800)[0], 0.015, 0.03)
+    agree(image, truth(source, tmp_path, *LAMPS, spp=800)[0], 0.02, 0.06)
     source = lit(tmp_path / "lamps.glb", [POINT, SPOT], ground=False)
     image = shown(script(source, tmp_path, *LAMPS, "--bake", "view", "--photons", "600k", "--no-check"), samples=4, python=python)["arrays"]["images"][0]
-    agree(image, truth(source, tmp_path, *LAMPS, spp=2000)[0], 0.02, 0.06)
+    agree(image, truth(source, tmp_path, *LAMPS, spp=1500)[0], 0.025, 0.09)
 
 
 def test_lamps_go_through_a_glb(cloudvdb, tmp_path):

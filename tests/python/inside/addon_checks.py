@@ -665,14 +665,13 @@ def what_shines_comes_and_goes(folder):
     volume = cloud(ball)
     tree = lambda: volume.data.materials[0].node_tree
     plain = {node.name for node in tree().nodes}
-    for bake, kelvin, names, also in (("none", 0, ["emission"], set()), ("isotropic", 0, ["emission"], {"Live"}),
-                                      ("isotropic", 1500, ["emission_green", "emission_red"], {"Live"}), ("none", 1500, ["emission_green", "emission_red"], set())):
+    for bake, kelvin, also in (("none", 0, set()), ("isotropic", 0, {"Live"}), ("isotropic", 1500, {"Live"}), ("none", 1500, set())):
         own.bake, own.temperature = bake, kelvin
         own.emission, own.emission_color = (0 if kelvin else 5), (1.0, 0.5, 0.25)
         cloud(ball)
         shown = {node.name for node in tree().nodes}
-        assert sorted(g.name for g in volume.data.grids if g.name.startswith("emission")) == names and "yours" not in message(), (bake, message())
-        assert {*names, *also, "Live Volume"} <= shown and ({"Live"} & shown) == also, shown
+        assert "emission" in [grid.name for grid in volume.data.grids] and "yours" not in message(), (bake, message())
+        assert {"emission", "Live Volume"} <= shown and ({"Live"} & shown) == also, shown
     own.temperature, own.emission = 0, 5
     cloud(ball)
     shines = tree().nodes["emission"]
