@@ -19,6 +19,9 @@ HARMONICS = (
 #: The names of the lights, as the group of the baked light shows them.
 LIGHTS = {"all": "Light", "sun": "Sun", "sky": "Sky", "red": "Light", "green": "Light", "blue": "Light"}
 
+#: The grids of what shines by itself.
+EMISSION = ("emission", "emission_red", "emission_green", "emission_blue")
+
 
 class Tree:
     """A node tree, written as arithmetic: numbers, and sockets of nodes made before."""
@@ -80,10 +83,10 @@ class Tree:
 
 
 def material(name, cloud):
-    """A new material for a cloud: a dict with `density` (1/m for a sample of 1), `albedo` (RGB), `anisotropy`, `sun` and `bake`.
+    """A new material for a cloud: a dict with `density` (1/m for a sample of 1), `albedo` (RGB), `anisotropy`, `sun`, `bake` and `emission`.
 
     Where light is baked it absorbs and emits what the grids say, toward whoever the bake is for; its node "Live" set to 1 makes of it
-    the Principled Volume that scatters by itself. Without a bake it is that alone."""
+    the Principled Volume that scatters by itself. Without a bake it is that alone. What shines by itself is added to either."""
     made = bpy.data.materials.new(name)
     tree = Tree.of(made)
     out = tree.node("ShaderNodeOutputMaterial")
@@ -95,7 +98,7 @@ def material(name, cloud):
     live.inputs["Anisotropy"].default_value = cloud["anisotropy"]
     tree.put(density.outputs[0], live.inputs["Density"])
     if not cloud["bake"]:
-        tree.put(live.outputs[0], out.inputs["Volume"])
+        tree.put(_shining(tree, cloud, live.outputs[0]), out.inputs["Volume"])
         return made
     switch = tree.node("ShaderNodeValue", name="Live", label="Live: 0 baked light, 1 scattering")
     switch.outputs[0].default_value = 0.0
@@ -120,8 +123,22 @@ def material(name, cloud):
     tree.put(switch.outputs[0], mix.inputs[0])
     tree.put(both.outputs[0], mix.inputs[1])
     tree.put(live.outputs[0], mix.inputs[2])
-    tree.put(mix.outputs[0], out.inputs["Volume"])
+    tree.put(_shining(tree, cloud, mix.outputs[0]), out.inputs["Volume"])
     return made
+
+
+def _shining(tree, cloud, volume):
+    """A volume that sends out, beside its own light, what grids say that shines by itself (W m^-3 sr^-1), to camera rays and all others."""
+    for grid in cloud["emission"]:
+        strength = tree.node("ShaderNodeValue", name=grid["name"], label=f"Strength of {grid['name']}")
+        _set(tree, strength.outputs[0], grid, "scale")
+        emission, both = tree.node("ShaderNodeEmission"), tree.node("ShaderNodeAddShader")
+        emission.inputs["Color"].default_value = (*grid["tint"], 1.0)
+        tree.put(tree.math("MULTIPLY", tree.grid(grid["name"]), strength.outputs[0]), emission.inputs["Strength"])
+        tree.put(volume, both.inputs[0])
+        tree.put(emission.outputs[0], both.inputs[1])
+        volume = both.outputs[0]
+    return volume
 
 
 def group(name, cloud):
@@ -181,8 +198,15 @@ def _number(tree, label, part, key):
     if not part.get("frames"):
         return part[key]
     node = tree.node("ShaderNodeValue", name=f"{label} {part['light']}", label=label)
-    _key(tree, node.outputs[0], [(frame, numbers[key]) for frame, numbers in part["frames"]])
+    _set(tree, node.outputs[0], part, key)
     return node.outputs[0]
+
+
+def _set(tree, socket, part, key):
+    """Sets a socket to a number of a part, with a key for each frame where these have their own."""
+    socket.default_value = part[key]
+    if part.get("frames"):
+        _key(tree, socket, [(frame, numbers[key]) for frame, numbers in part["frames"]])
 
 
 def _sunlight(tree, sun):

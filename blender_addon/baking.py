@@ -54,7 +54,17 @@ def cloud(report, metadata, history=()):
                 part["grids"].update(parts[number]["grids"])
             part["frames"] = _changes([(frame, {key: parts[number][key] for key in ("scale", "glow")}) for frame, parts in told])
         sun["frames"] = _changes([(frame, _direction(said)) for frame, _, said in history])
-    return {"density": report["vdb"]["density_scale"], "albedo": [albedo] * 3, "anisotropy": metadata.get("g", 0.0), "sun": sun, "bake": light}
+    return {"density": report["vdb"]["density_scale"], "albedo": [albedo] * 3, "anisotropy": metadata.get("g", 0.0), "sun": sun, "bake": light,
+            "emission": _emission(report, history)}
+
+
+def _emission(report, history):
+    """The grids of what shines by itself; what is dark in some frames has a scale of 0 there."""
+    told = [(frame, {grid["name"]: grid for grid in said["vdb"]["emission"]}) for frame, said, _ in history]
+    found = {name: grid for _, grids in reversed(told) for name, grid in grids.items()}
+    found.update({grid["name"]: grid for grid in report["vdb"]["emission"]})
+    return [{**grid, "frames": _changes([(frame, {"scale": grids[name]["scale"] if name in grids else 0.0}) for frame, grids in told])}
+            for name, grid in found.items()]
 
 
 def _changes(frames):
@@ -73,7 +83,8 @@ def alike(first, other):
         said = report.get("bake") or {"parts": ()}
         return said.get("bake"), round(said.get("g", 0.0), 5), [(part["light"], [round(c, 5) for c in part["tint"]]) for part in said["parts"]]
 
-    return fixed(first) == fixed(other)
+    tints = [{grid["name"]: [round(c, 5) for c in grid["tint"]] for grid in report["vdb"]["emission"]} for report in (first, other)]
+    return fixed(first) == fixed(other) and all(tints[0][name] == tints[1][name] for name in tints[0].keys() & tints[1].keys())
 
 
 def quality(report):

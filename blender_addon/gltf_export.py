@@ -4,6 +4,8 @@
 Blender's exporter finds `glTF2ExportUserExtension` by its name in the add-on's module and calls its hooks, for File > Export > glTF and
 for `write` alike: there is one format.
 """
+import math
+
 import bpy
 
 from . import media, metaballs
@@ -23,7 +25,7 @@ class Request:
     def __init__(self, scene, layout, settings, medium=None):
         self.layout = set(layout)
         self.sun = sun_of(scene)
-        self.surroundings = settings.surroundings
+        self.surroundings, self.lamps = settings.surroundings, settings.lamps
         #: What fills objects that do not say so, where neither the panel nor the scene does.
         self.medium = medium
         #: Those of the layout, and what instances of collections bring along.
@@ -31,7 +33,9 @@ class Request:
 
     def keeps(self, thing):
         """Whether an object outside the layout is written."""
-        return thing is not None and (thing == self.sun or (self.surroundings and thing.type == "MESH" and not thing.hide_render))
+        if thing is None or thing.hide_render and thing != self.sun:
+            return False
+        return thing == self.sun or (self.surroundings and thing.type == "MESH") or (self.lamps and is_lamp(thing))
 
     def prune(self, tree):
         """Takes everything else out of the exporter's tree; parents stay for their place."""
@@ -69,6 +73,7 @@ class glTF2ExportUserExtension:
         _extras(node, thing, _cast(thing, said) if _request else said)
         if thing.type == "LIGHT" and thing.data.type == "SUN":
             self.suns[id(node)] = thing.data.angle
+        if thing.type == "LIGHT" and (thing.data.type == "SUN" or (_request and is_lamp(thing))):
             _shine(node, thing.data, export_settings)
         if thing.type == "META" and not (_request and thing not in _request.regions):
             value = metaballs.to_extension(thing, export_settings.get("gltf_yup", True))
@@ -84,8 +89,8 @@ class glTF2ExportUserExtension:
         said = _said(blender_scene)
         if said is not None:
             known = media.of_scene(blender_scene.cloudvdb_settings)
-            if _request and _request.medium and "medium" not in known:
-                known["medium"] = _request.medium
+            if _request and _request.medium and blender_scene.cloudvdb_settings.medium == "AUTO":
+                known["medium"] = {**_request.medium, **known.get("medium", {})}
             angle = next((self.suns[id(node)] for node in _walk(scene.nodes) if id(node) in self.suns), None)
             known.update({} if angle is None else {"sun_angle": angle})
             sky = media.sky(blender_scene.world)
@@ -108,6 +113,8 @@ def _cast(thing, said):
         return said
     if thing == _request.sun:
         return {}
+    if _request.keeps(thing) and is_lamp(thing):
+        return {"lamp_radius": max(thing.data.shadow_soft_size, 1e-3)}
     surface = _request.keeps(thing) and (not said or said.get("shape") == "surface")
     return {"shape": "surface" if surface else "ignore"}
 
@@ -123,16 +130,18 @@ def _extras(element, block, said):
 
 
 def _shine(node, lamp, export_settings):
-    """Sets the intensity of a Sun's node, lux: where a lamp has nodes the exporter takes their strength alone, in 5.2 from every lamp."""
+    """Sets the intensity of a light's node, lux of a Sun, else candela: where a lamp has nodes the exporter takes their strength alone, in
+    5.2 from every lamp."""
     strength, light = strength_of(lamp), getattr((node.extensions or {}).get(LIGHTS), "extension", {}).get("light")
     if strength is None or light is None:
         return
     lumens = LUMENS if export_settings.get("gltf_lighting_mode", "SPEC") == "SPEC" else 1.0
-    light.extension["intensity"] = lumens * strength * 2.0 ** getattr(lamp, "exposure", 0.0)
+    around = 1.0 if lamp.type == "SUN" else 4.0 * math.pi
+    light.extension["intensity"] = lumens * strength * 2.0 ** getattr(lamp, "exposure", 0.0) / around
 
 
 def strength_of(lamp):
-    """A Sun's strength as renders have it, W/m2 before its exposure: its own, in Cycles times that of its nodes. `None` where other nodes
+    """A light's strength as renders have it, W/m2 of a Sun, else W, before its exposure: its own, in Cycles times that of its nodes. `None` where other nodes
     than one Emission make it, or its size."""
     if not getattr(lamp, "normalize", True):
         return None
@@ -150,6 +159,11 @@ def _walk(nodes):
     for node in nodes:
         yield node
         yield from _walk(node.children or [])
+
+
+def is_lamp(thing):
+    """Whether an object is a point or a spot light."""
+    return thing.type == "LIGHT" and thing.data.type in ("POINT", "SPOT")
 
 
 def suns(scene):

@@ -69,9 +69,10 @@ def dress(thing, cloud):
     old = slots[0] if slots else None
     ours = old is None or (look(old.node_tree, old.name), look(_light(old))) == (record.look, record.glow)
     told = []
-    if old is None or ours and (kind, record.bake) != ("none", "none"):
+    plain = (kind, record.bake) == ("none", "none") and not cloud["emission"] and not _shining(old)
+    if old is None or ours and not plain:
         name, parts = (old.name if old else thing.name), (cloud["density"], cloud["albedo"][0], cloud["anisotropy"])
-        made = baked.material(name, cloud) if cloud["bake"] else create(name, *parts)
+        made = baked.material(name, cloud) if cloud["bake"] or cloud["emission"] else create(name, *parts)
         if old:
             slots[0] = made
             _forget(old)
@@ -83,6 +84,9 @@ def dress(thing, cloud):
     else:
         told += follow(old, record, cloud["density"], cloud["albedo"][0], cloud["anisotropy"])
         told += _relight(old, record, cloud)
+        shines, shone = {grid["name"]: grid["scale"] for grid in cloud["emission"]}, _shining(old)
+        if shines.keys() != shone.keys() or not all(_same(shines[name], shone[name]) for name in shines):
+            told.append(f'What shines by itself in the material "{old.name}" is yours, and was left: take it from the cloud, and press again')
     if ours:
         record.look, record.glow = look(old.node_tree, old.name), look(_light(old))
     return told
@@ -106,6 +110,12 @@ def _relight(material, record, cloud):
         node.node_tree.name = name
     record.glow = look(node.node_tree)
     return []
+
+
+def _shining(material):
+    """The scales of the grids of what shines by itself, by name."""
+    nodes = material.node_tree.nodes if material and material.node_tree else ()
+    return {node.name: node.outputs[0].default_value for node in nodes if node.type == "VALUE" and node.name in baked.EMISSION}
 
 
 def _light(material):

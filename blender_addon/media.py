@@ -36,6 +36,10 @@ def of_scene(settings):
         said["medium"] = {"sigma_t": settings.sigma_t, "albedo": settings.albedo, "g": settings.anisotropy}
     elif settings.medium != "AUTO":
         said["medium"] = {"preset": settings.medium}
+    shines = {"emission": [settings.emission * channel for channel in settings.emission_color]} if settings.emission > 0 else {}
+    shines.update({"temperature": settings.temperature} if settings.temperature > 0 else {})
+    if shines:
+        said["medium"] = {**said.get("medium", {}), **shines}
     if settings.detail == "none":
         said["detail"] = "none"
     elif settings.detail != "AUTO":

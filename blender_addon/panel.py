@@ -103,11 +103,16 @@ class CLOUDVDB_PT_medium(Panel, bpy.types.Panel):
         if settings.medium == "CUSTOM":
             for name in ("sigma_t", "albedo", "anisotropy"):
                 column.prop(settings, name)
+        column.prop(settings, "emission")
+        if settings.emission > 0:
+            column.prop(settings, "emission_color")
+        column.prop(settings, "temperature")
         column.prop(settings, "detail")
         if settings.detail not in ("AUTO", "none"):
             for name in ("detail_size", "detail_strength", "detail_octaves", "detail_seed"):
                 column.prop(settings, name)
         column.prop(settings, "surroundings")
+        column.prop(settings, "lamps")
 
 
 class CLOUDVDB_PT_photons(Panel, bpy.types.Panel):

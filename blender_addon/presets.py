@@ -7,7 +7,7 @@ from bl_operators.presets import AddPresetBase
 
 SUBDIR = "cloudvdb"
 SHIPPED = os.path.join(os.path.dirname(os.path.abspath(__file__)), "presets")
-FIELDS = ("medium", "sigma_t", "albedo", "anisotropy", "detail", "detail_size", "detail_strength", "detail_octaves", "detail_seed", "density",
+FIELDS = ("medium", "sigma_t", "albedo", "anisotropy", "emission", "emission_color", "temperature", "detail", "detail_size", "detail_strength", "detail_octaves", "detail_seed", "density",
           "photons", "model", "placement", "seed", "resolution", "voxel_size", "max_voxels", "bake")
 
 

@@ -120,7 +120,7 @@ class Sequence(Task):
             self.told.append(f"Frame {frame} has Density {report['vdb']['density_scale']:.4g}, the first {self.report['vdb']['density_scale']:.4g}: "
                              "give the objects one medium")
         if not baking.alike(self.report, report):
-            self.told.append(f"Frame {frame} has baked light of other colours or phase functions than the first, whose material shows it: "
+            self.told.append(f"Frame {frame} has flames, or baked light, of other colours or phase functions than the first, whose material shows it: "
                              "let the lights keep their colours, and give the objects one medium")
         self.job, self.at = None, self.at + 1
 

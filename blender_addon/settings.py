@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scene's settings, and what a cloud remembers of how it was made."""
 import bpy
-from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty,
+from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty,
                        StringProperty)
 
 MEDIA = [
@@ -58,6 +58,9 @@ class CloudSettings(bpy.types.PropertyGroup):
     surroundings: BoolProperty(
         name="Surroundings", default=False,
         description="Meshes that are not of the layout, and that renders show, shade the cloud and reflect light into it. Exporting them takes time")
+    lamps: BoolProperty(
+        name="Lamps", default=False,
+        description="Point and spot lights that renders show light the cloud too: its photons, and what is baked. A spot's edge is glTF's, a little wider")
 
     medium: EnumProperty(name="Medium", items=MEDIA, default="AUTO", description="What fills objects that do not say so themselves")
     sigma_t: FloatProperty(name="Extinction", default=0.06, min=1e-9, soft_min=1e-4, soft_max=10, precision=4,
@@ -65,6 +68,13 @@ class CloudSettings(bpy.types.PropertyGroup):
     albedo: FloatProperty(name="Albedo", default=0.9999, min=0, max=1, precision=4, description="Single-scattering albedo, 0 to 1")
     anisotropy: FloatProperty(name="Anisotropy", default=0.86, min=-0.999, max=0.999, precision=3,
                               description="g, the mean cosine of scattering, -1 to 1; forward is positive")
+    emission: FloatProperty(name="Emission", default=0, min=0, soft_max=1000, precision=3,
+                            description="What objects send out by themselves that do not say so: W per cubic metre and steradian, as an Emission "
+                                        "node's Strength. Where anything shines, no sun is assumed")
+    emission_color: FloatVectorProperty(name="Color", subtype="COLOR", size=3, default=(1.0, 0.3, 0.05), min=0, max=1,
+                                        description="The colour of the emission")
+    temperature: FloatProperty(name="Temperature", default=0, min=0, soft_max=6500, precision=0,
+                               description="Kelvin: a medium that absorbs glows as a black body of that heat; 0 is cold")
 
     detail: EnumProperty(name="Detail", items=DETAILS, default="AUTO", description="Turbulence at the boundary, by genus of cloud")
     detail_size: FloatProperty(name="Size", default=0, min=0, soft_max=500, subtype="DISTANCE", unit="LENGTH",

@@ -15,6 +15,9 @@
 //! cosine between `omega` and the local flow of light ([`Term::Flow`]), q the Henyey-Greenstein function less the degrees that the
 //! harmonics have, Y the real orthonormal spherical harmonics of z up, in the order of degrees and of m. Where the sun's light and the sky's have different
 //! colours, or the medium has one, each light has grids of its own: `light_sun` and `light_sky`, or `light_red` and so on.
+//!
+//! Light of lamps and flames is in these grids once it has scattered. What flames send out themselves is not: the file
+//! has it in grids of its own, which whoever shows the bake adds.
 
 use crate::error::Result;
 use crate::integrate::{Kept, Light, Part, SourceFunction};
@@ -27,7 +30,7 @@ use std::f64::consts::PI;
 mod judge;
 mod voxels;
 
-pub use judge::{BakeError, judge};
+pub use judge::{BakeError, Beside, judge};
 
 /// What of the light's directions is baked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -81,11 +81,8 @@ pub fn run(job: &Job, progress: &dyn Progress) -> Result<Report> {
     } else {
         None
     };
-    if !layout.scene.flames.is_empty() && (targets.any(Format::Glb) || targets.any(Format::Blend)) {
-        report.notes.push("what shines by itself lights pictures: the .glb and the script for Blender have none of it".into());
-    }
-    if !layout.scene.lamps.is_empty() && (targets.any(Format::Glb) || targets.any(Format::Blend)) {
-        report.notes.push("lamps light pictures and what is baked: the .glb and the script for Blender have none of them".into());
+    if !layout.scene.flames.is_empty() && targets.any(Format::Glb) {
+        report.notes.push("what shines by itself is in pictures and grids: the .glb has none of it".into());
     }
     if job.dry_run {
         return Ok(closed(report, clock));

@@ -3,6 +3,8 @@ import bpy
 settings = bpy.context.scene.cloudvdb_settings
 
 settings.medium = 'AUTO'
+settings.emission = 0.0
+settings.temperature = 0.0
 settings.detail = 'AUTO'
 settings.density = 'duality'
 settings.photons = 1000000

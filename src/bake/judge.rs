@@ -11,7 +11,7 @@ use crate::progress::Progress;
 use crate::scene::density::BRICK_SIDE;
 use crate::scene::medium::luminance;
 use crate::scene::phase::henyey_greenstein;
-use crate::scene::{BrickGrid, Camera, Medium, Region, Scene, Shape, VoxelGrid};
+use crate::scene::{BrickGrid, Camera, Flame, Medium, Region, Scene, Shape, VoxelGrid};
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use serde::Serialize;
 use smallvec::{SmallVec, smallvec};
@@ -40,15 +40,26 @@ pub struct BakeError {
     pub rms: f64,
 }
 
-/// Compares a bake, whose light is beside `density`, with the truth.
+/// What a file holds beside baked light.
+#[derive(Debug)]
+pub struct Beside<'a> {
+    /// The medium.
+    pub density: &'a BrickGrid,
+    /// Its extinction in 1/m of a sample of 1.
+    pub density_scale: f64,
+    /// What shines by itself, in the scene's world.
+    pub flames: Vec<Flame>,
+    /// What turned the scene into the world of the grids.
+    pub turned: Option<DAffine3>,
+}
+
+/// Compares a bake with the truth.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
 pub fn judge(
     baked: &Baked,
-    density: &BrickGrid,
-    scale: f64,
-    turned: Option<DAffine3>,
+    Beside { density, density_scale, flames, turned }: Beside,
     scene: &Scene,
     (camera, aspect, seed): (&Camera, f64, u64),
     progress: &dyn Progress,
@@ -57,8 +68,8 @@ pub fn judge(
     let bricks = BrickGrid { world_from_index: back * density.world_from_index, ..density.clone() };
     let (low, high) = bricks.extent();
     let shape = Shape::Grid(Arc::new(VoxelGrid::new(bricks, low, high, false)));
-    let region = Region { name: "density".into(), shape, medium: Medium::with_albedo(scale, 0.0, 0.0), photons: None };
-    let written = Scene { regions: vec![region], surfaces: scene.surfaces.clone(), ..Scene::default() };
+    let region = Region { name: "density".into(), shape, medium: Medium::with_albedo(density_scale, 0.0, 0.0), photons: None };
+    let written = Scene { regions: vec![region], surfaces: scene.surfaces.clone(), flames, ..Scene::default() };
     let plans = [&written, scene].map(|scene| Plan::for_scene(scene, Density::Source));
     let lookup = Lookup::new(baked, back, scene);
     let emitted = |p: DVec3, outward: DVec3| lookup.toward(p, outward);

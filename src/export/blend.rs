@@ -1,12 +1,13 @@
-//! A script that sets a cloud up in Blender: the volume with its material, the sun, the sky, the camera, the surfaces.
+//! A script that sets a cloud up in Blender: the volume with its material, the sun, lamps, the sky, the camera, the surfaces.
 //!
 //! It is data, as JSON, before two pieces of Python: the materials, which the add-on uses too, and the rest of the scene.
 
+use super::emission::EmissionGrid;
 use super::staged::write_bytes;
 use super::vdb::Voxels;
 use crate::bake::{Baked, Term};
 use crate::error::Result;
-use crate::scene::{Dome, Framed, Scene};
+use crate::scene::{Dome, Framed, Lamp, Scene};
 use glam::Vec3;
 use serde_json::{Map, Value, json};
 use std::f32::consts::{PI, TAU};
@@ -71,13 +72,21 @@ impl Setup<'_> {
             "anisotropy": scene.mean(|r| r.medium.g),
             "bounds": [bounds.min.to_array(), bounds.max.to_array()],
             "bake": voxels.light().map(light),
+            "emission": voxels.emission().iter().map(EmissionGrid::summary).collect::<Vec<_>>(),
             "sun": {"direction": sun.direction.to_array(), "irradiance": sun.irradiance, "angle": sun.angular_diameter},
+            "lamps": scene.lamps.iter().map(lamp).collect::<Vec<_>>(),
             "sky": scene.sky,
             "dome": scene.dome.as_deref().map(dome),
             "camera": {"matrix": rows, "yfov": camera.yfov, "near": camera.znear, "far": camera.zfar, "width": framed.width, "height": framed.height},
             "surfaces": scene.surfaces.iter().map(surface).collect::<Vec<_>>(),
         })
     }
+}
+
+/// A lamp: W/sr, metres, and of a spot its axis and the cosines of its angles.
+fn lamp(lamp: &Lamp) -> Value {
+    let spot = lamp.spot.map(|spot| json!({"axis": spot.axis.to_array(), "cosines": spot.cosines}));
+    json!({"name": lamp.name, "position": lamp.position.to_array(), "radius": lamp.radius, "intensity": lamp.intensity, "spot": spot})
 }
 
 /// The sky by direction, as an image of few rows from the zenith down.

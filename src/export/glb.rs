@@ -1,10 +1,10 @@
-//! Regions as an editable glTF: spheres with their media and photon counts, the sun, the camera, the surfaces.
+//! Regions as an editable glTF: spheres with their media and photon counts, the sun, lamps, the camera, the surfaces.
 //!
 //! Blender imports it, and cloudvdb reads it again as the same scene. glTF is Y-up: (x, y, z) -> (x, z, -y).
 
 use super::staged::write_bytes;
 use crate::error::Result;
-use crate::scene::{Medium, Mesh, Region, Scene, Shape};
+use crate::scene::{Lamp, Medium, Mesh, Region, Scene, Shape, Spot};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -14,7 +14,7 @@ const Y_UP: DMat3 = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y);
 /// Lux for a W/m^2, as Blender's exporter and importer have it.
 const LUX: f64 = 683.0;
 
-/// Writes regions, and the scene's sun, camera and surfaces, as GLB.
+/// Writes regions, and the scene's sun, lamps, camera and surfaces, as GLB.
 ///
 /// # Errors
 /// [`crate::Error::Write`].
@@ -31,6 +31,7 @@ pub fn write(path: &Path, scene: &Scene, regions: &[Region]) -> Result<()> {
         gltf.nodes.push(json!({"name": surface.name, "mesh": mesh, "extras": {"cloudvdb": {"shape": "surface"}}}));
     }
     gltf.sun(scene);
+    scene.lamps.iter().for_each(|lamp| gltf.lamp(lamp));
     gltf.camera(scene);
     write_bytes(path, &gltf.finish(scene))
 }
@@ -94,6 +95,25 @@ impl Builder {
         // Light travels along the node's -Z.
         let turn = DQuat::from_rotation_arc(DVec3::NEG_Z, (Y_UP * sun.direction).normalize());
         self.nodes.push(json!({"name": "Sun", "rotation": turn.to_array(), "extensions": {"KHR_lights_punctual": {"light": 0}}}));
+    }
+
+    fn lamp(&mut self, lamp: &Lamp) {
+        let peak = lamp.intensity.iter().copied().fold(0.0, f64::max);
+        let mut light = json!({"type": "point", "name": lamp.name, "intensity": peak * LUX, "color": lamp.intensity.map(|c| c / peak)});
+        let mut node = json!({
+            "name": lamp.name,
+            "translation": (Y_UP * lamp.position).to_array(),
+            "extras": {"cloudvdb": {"lamp_radius": lamp.radius}},
+            "extensions": {"KHR_lights_punctual": {"light": self.lights.len()}},
+        });
+        if let Some(Spot { axis, cosines }) = lamp.spot {
+            let [inner, outer] = cosines.map(|c| c.clamp(-1.0, 1.0).acos());
+            light["type"] = json!("spot");
+            light["spot"] = json!({"innerConeAngle": inner, "outerConeAngle": outer});
+            node["rotation"] = json!(DQuat::from_rotation_arc(DVec3::NEG_Z, (Y_UP * axis).normalize()).to_array());
+        }
+        self.lights.push(light);
+        self.nodes.push(node);
     }
 
     fn camera(&mut self, scene: &Scene) {

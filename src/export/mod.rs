@@ -1,6 +1,7 @@
 //! What goes out: VDB grids, pictures, glTF of regions, the report; all files at once or none.
 
 pub mod blend;
+pub mod emission;
 pub mod exr;
 pub mod glb;
 mod lattice;

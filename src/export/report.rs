@@ -1,5 +1,6 @@
 //! The report: what was found, planned, done and written, with seconds and errors. JSON, and a table for people.
 
+use super::emission::EmissionSummary;
 use super::vdb::GridSummary;
 use crate::error::Result;
 use crate::import::{Became, Finding};
@@ -174,6 +175,8 @@ pub struct Grids {
     pub up: Up,
     /// The grids.
     pub grids: Vec<GridSummary>,
+    /// Those of what shines by itself.
+    pub emission: Vec<EmissionSummary>,
 }
 
 /// One stage.
@@ -289,6 +292,11 @@ impl Report {
                 if v.coarsened { " (coarsened to fit --max-voxels)" } else { "" },
                 significant(v.density_scale)
             );
+            for grid in &v.emission {
+                let [r, g, b] = grid.tint.map(significant);
+                let scale = significant(grid.scale);
+                let _ = writeln!(t, "shines    {}: {scale} W m^-3 sr^-1 a unit, of the colour {r}, {g}, {b}", grid.name);
+            }
         }
         if let Some(e) = &self.error {
             let _ = writeln!(

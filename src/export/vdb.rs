@@ -1,10 +1,11 @@
 //! The VDB that Blender opens: which grids, at which voxel size, with which metadata.
 
+use super::emission::EmissionGrid;
 use super::lattice::{Ready, merge, turn};
 use crate::bake::{Baked, LightGrid, Term};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
-use crate::scene::{BrickGrid, Region, Scene};
+use crate::scene::{BrickGrid, Flame, Region, Scene};
 use crate::vdb::{Carried, GridOut, Meta, write_beside};
 pub use crate::vdb::{limit_threads, on_abort};
 use crate::voxelise::{Up, voxel_size, voxelise};
@@ -91,6 +92,7 @@ fn of_light(baked: &Baked, grid: &LightGrid) -> Vec<(String, Meta)> {
 #[derive(Debug, Clone)]
 pub struct Voxels {
     grids: Vec<(GridName, Ready)>,
+    emission: Vec<EmissionGrid>,
     light: Option<Baked>,
     others: Carried,
     up: Up,
@@ -124,6 +126,7 @@ impl Voxels {
             let grids = kept.into_iter().map(|(name, (ready, _))| (name, ready)).collect();
             return Ok(Voxels {
                 grids,
+                emission: Vec::new(),
                 light: None,
                 others: Carried::default(),
                 up: options.up,
@@ -142,7 +145,16 @@ impl Voxels {
         }
         let voxels = |name| voxelise(of(name), size, density_scale, options.up, progress).map(|grid| (name, Ready::Own(grid)));
         let grids = options.grids.iter().map(|&name| voxels(name)).collect::<Result<_>>()?;
-        Ok(Voxels { grids, light: None, others: Carried::default(), up: options.up, density_scale, voxel_size: size, coarsened })
+        Ok(Voxels {
+            grids,
+            emission: Vec::new(),
+            light: None,
+            others: Carried::default(),
+            up: options.up,
+            density_scale,
+            voxel_size: size,
+            coarsened,
+        })
     }
 
     /// The samples of the medium of the run, where they are to be written.
@@ -153,6 +165,22 @@ impl Voxels {
     /// What turns the scene into the world of the grids; `None` where it stays.
     pub fn turned(&self) -> Option<DAffine3> {
         turn(self.up)
+    }
+
+    /// Puts what shines by itself beside the density, where that is to be written.
+    ///
+    /// # Errors
+    /// Those of [`EmissionGrid::of`].
+    pub fn burn(&mut self, flames: &[Flame], max_voxels: u64, progress: &dyn Progress) -> Result<()> {
+        if let Some(density) = self.density() {
+            self.emission = EmissionGrid::of(flames, (density, self.voxel_size), max_voxels, self.up, progress)?;
+        }
+        Ok(())
+    }
+
+    /// What shines by itself.
+    pub fn emission(&self) -> &[EmissionGrid] {
+        &self.emission
     }
 
     /// Puts light beside the density.
@@ -168,6 +196,7 @@ impl Voxels {
     /// Takes grids of the input along, those of other names than the written ones; a sentence for each that stays behind.
     pub fn take_along(&mut self, others: Carried) -> Vec<String> {
         let light = self.light.iter().flat_map(|light| &light.grids).map(|grid| grid.name.as_str());
+        let light = light.chain(self.emission.iter().map(|grid| grid.name));
         let names: Vec<&str> = self.grids.iter().map(|(name, _)| name.as_str()).chain(light).collect();
         let (others, notes) = others.beside(&names, turn(self.up));
         self.others = others;
@@ -187,6 +216,8 @@ impl Voxels {
             self.grids.iter().map(|(name, grid)| GridOut { name: name.as_str(), bricks: grid.bricks(), half, metadata: &scale }).collect();
         let light: Vec<_> = self.light.iter().flat_map(|baked| baked.grids.iter().map(|grid| (grid, of_light(baked, grid)))).collect();
         grids.extend(light.iter().map(|(grid, metadata)| GridOut { name: &grid.name, bricks: &grid.bricks, half, metadata }));
+        let emission: Vec<_> = self.emission.iter().map(|grid| (grid, grid.metadata())).collect();
+        grids.extend(emission.iter().map(|(grid, metadata)| GridOut { name: grid.name, bricks: grid.bricks(), half, metadata }));
         write_beside(path, &grids, &self.others, metadata)
     }
 

@@ -1,4 +1,4 @@
-//! Media that absorb and emit: what a baked cloud looks like, as other renderers draw it.
+//! Media that absorb and emit, and what shines by itself among them: what a baked cloud looks like, as other renderers draw it.
 
 use super::lens::View;
 use super::path::PathTracer;
@@ -30,9 +30,10 @@ struct EmissionTracer<'a> {
 struct Room {
     scratch: Scratch,
     profile: Profile,
+    own: Profile,
 }
 
-/// Renders the media of a scene by what they emit; surfaces hide it, and nothing else gives light.
+/// Renders the media of a scene by what they emit, and its flames; surfaces hide it, and nothing else gives light.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
@@ -70,6 +71,10 @@ impl Transport for EmissionTracer<'_> {
             sum += (self.emitted)(self.tracer.origin + view.ray.at(distance).as_dvec3(), outward);
         }
         arrival.light[Layer::VolumeIndirect as usize] = sum * weight as f32;
+        if !self.tracer.fire.is_empty() {
+            let Room { scratch, profile, own } = room;
+            arrival.light[Layer::VolumeIndirect as usize] += self.tracer.fire_along(&view.ray, reach, profile, scratch, own);
+        }
         arrival
     }
 

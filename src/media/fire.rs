@@ -4,7 +4,7 @@ use super::{Media, Profile, Scratch};
 use crate::geom::{Bounds, Ray};
 use crate::rng::Rng;
 use crate::scene::medium::luminance;
-use crate::scene::{Region, Scene};
+use crate::scene::{Flame, Region, Scene};
 use body::Body;
 use glam::{DVec3, Vec3};
 
@@ -33,20 +33,15 @@ pub struct Fire {
 impl Fire {
     /// The flames of a scene, relative to `origin`.
     pub fn new(scene: &Scene, origin: DVec3) -> Self {
-        let Some(first) = scene.flames.first() else { return Fire::default() };
-        let strongest = |rgb: [f64; 3]| (0..3).fold(0, |most, c| if rgb[c] > rgb[most] { c } else { most });
-        let main = strongest(first.emission);
-        let hue = DVec3::from_array(first.emission) / first.emission[main].max(f64::MIN_POSITIVE);
-        let alike = |rgb: [f64; 3]| (DVec3::from_array(rgb) - hue * rgb[main]).abs().max_element() <= 1e-9 * rgb[main];
+        if scene.flames.is_empty() {
+            return Fire::default();
+        }
         let channel = |c: usize| {
             let regions: Vec<Region> = scene.flames.iter().filter(|f| f.emission[c] > 0.0).map(|f| f.as_region(c)).collect();
             Media::new(&regions, origin)
         };
-        let parts = if scene.flames.iter().all(|f| alike(f.emission)) {
-            vec![(channel(main), hue.as_vec3())]
-        } else {
-            (0..3).map(|c| (channel(c), Vec3::AXES[c])).collect()
-        };
+        let channels = Flame::channels(&scene.flames);
+        let parts = channels.into_iter().map(|(c, colour)| (channel(c), DVec3::from_array(colour).as_vec3())).collect();
         let (mut bodies, mut powers, mut power, mut size) = (Vec::new(), Vec::new(), 0.0, 0.0);
         for flame in scene.flames.iter().filter(|flame| flame.power() > 0.0) {
             let Some(body) = Body::of(&flame.shape, origin) else { continue };

@@ -1,7 +1,7 @@
 //! From regions to light beside their voxels.
 
 use super::Job;
-use crate::bake::{Bake, judge};
+use crate::bake::{Bake, Beside, judge};
 use crate::error::Result;
 use crate::export::report::{BakeReport, Report};
 use crate::export::vdb::Voxels;
@@ -9,6 +9,7 @@ use crate::integrate::{SourceFunction, SourceSettings};
 use crate::plan::{Density, Plan};
 use crate::progress::Progress;
 use crate::scene::{Air, Framed, Scene};
+use glam::DAffine3;
 use std::borrow::Cow;
 
 /// What is baked, and how large the file may be.
@@ -41,9 +42,11 @@ pub(super) fn follow(job: &Job, bake: Bake, scene: &Scene, framed: &Framed, watc
 /// Compares the light beside the density with the truth, where that is asked for, and tells the report.
 pub(super) fn check(job: &Job, voxels: &Voxels, scene: &Scene, framed: &Framed, report: &mut Report, watch: &dyn Progress) -> Result<()> {
     let Some((baked, density)) = voxels.light().zip(voxels.density()) else { return Ok(()) };
+    let back = voxels.turned().map_or(DAffine3::IDENTITY, |turn| turn.inverse());
+    let flames = voxels.emission().iter().map(|grid| grid.as_flame(back)).collect();
+    let beside = Beside { density, density_scale: voxels.density_scale, flames, turned: voxels.turned() };
     let view = (&framed.camera, f64::from(framed.width) / f64::from(framed.height), job.duality.seed);
-    let errors =
-        if job.bake.checked { judge(baked, density, voxels.density_scale, voxels.turned(), scene, view, watch)? } else { Vec::new() };
+    let errors = if job.bake.checked { judge(baked, beside, scene, view, watch)? } else { Vec::new() };
     report.bake = Some(BakeReport::of(baked, errors));
     Ok(())
 }

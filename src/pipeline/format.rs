@@ -10,7 +10,7 @@ use crate::import::{self, Layout};
 use crate::integrate::Integrator;
 use crate::integrate::photon::Gathering;
 use crate::photon::Model;
-use crate::plan::{Density, EffectName};
+use crate::plan::Density;
 use crate::scene::{Region, Scene, Shape};
 use crate::voxelise::Up;
 use std::path::{Path, PathBuf};
@@ -130,11 +130,6 @@ impl<'a> Targets<'a> {
         if matches!(bake, Bake::Sh1 | Bake::Sh2) && job.vdb.up != Up::Z {
             return usage(
                 "--bake sh1 and sh2 are of directions in Blender's axes: leave out --up y, or use --bake view or isotropic".into(),
-            );
-        }
-        if !layout.scene.flames.is_empty() && layout.scene.wishes.forced(EffectName::Emission) != Some(false) {
-            return usage(
-                "--bake keeps what media scatter, and not what shines by itself: leave that out with --effect emission=off, and in Blender link its grid to the material's emission".into(),
             );
         }
         match gridless(layout.scene.regions.iter().filter(|r| stays(r, job.density)), job.duality.model) {

@@ -3,10 +3,12 @@
 use super::Job;
 use crate::bake::{Bake, Baked};
 use crate::error::{Error, Result};
+use crate::export::emission::EmissionGrid;
 use crate::export::report::{Grids, Report};
 use crate::export::vdb::{VdbOptions, Voxels};
 use crate::import;
 use crate::integrate::SourceFunction;
+use crate::plan::{Density, Plan};
 use crate::progress::Progress;
 use crate::scene::{Region, Scene};
 use crate::vdb::Meta;
@@ -63,6 +65,7 @@ pub(super) fn make(
         coarsened: voxels.coarsened,
         up: job.vdb.up,
         grids: voxels.summary(),
+        emission: voxels.emission().iter().map(EmissionGrid::summary).collect(),
     });
     Ok(voxels)
 }
@@ -77,6 +80,10 @@ fn once(
     watch: &dyn Progress,
 ) -> Result<(Voxels, Vec<String>)> {
     let mut voxels = Voxels::new(scene, written, options, watch)?;
+    if !scene.flames.is_empty() {
+        let shown = Plan::for_scene(scene, Density::Source).scene(scene).into_owned();
+        voxels.burn(&shown.flames, options.max_voxels, watch)?;
+    }
     if let Some(((bake, source), density)) = light.zip(voxels.density()) {
         let baked = Baked::new(bake, source, density, voxels.turned(), watch)?;
         voxels.shine(baked);

@@ -21,7 +21,7 @@ AGAIN = ["select_a_metaball_press_the_button_see_a_cloud", "the_material_holds_t
          "file_export_writes_what_blender_drops", "a_suns_strength_is_the_lamps_times_its_nodes",
          "metaballs_come_back_from_gltf", "a_sequence_of_frames", "regions_come_back_as_objects",
          "a_family_is_one_field_hidden_members_too", "presets_the_blender_way", "new_layouts", "cancelled_within_half_a_second_without_a_trace",
-         "disabled_it_leaves_nothing", "baked_light_comes_and_goes", "baked_sequences", "the_material_follows_the_light_of_each_frame"]
+         "disabled_it_leaves_nothing", "baked_light_comes_and_goes", "what_shines_comes_and_goes", "lamps_go_along_where_that_is_asked", "baked_sequences", "the_material_follows_the_light_of_each_frame"]
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,5 @@
 import json
+import math
 import os
 
 from mathutils import Matrix, Vector
@@ -30,6 +31,41 @@ def sun(cloud, collection):
     thing.rotation_euler = Vector(direction).to_track_quat("-Z", "Y").to_euler()
     thing.location = [high - 2 * (high - low) * way for (low, high), way in zip(zip(*cloud["bounds"]), direction)]
     collection.objects.link(thing)
+
+
+def lamps(cloud, collection):
+    """Points and spots, of the same intensity, colour, size and cone."""
+    for lamp in cloud["lamps"]:
+        spot, strongest = lamp["spot"], max(lamp["intensity"])
+        light = bpy.data.lights.new(lamp["name"], "SPOT" if spot else "POINT")
+        # Power is what intensity would add up to over all directions, of a spot too.
+        light.energy, light.color = 4 * math.pi * strongest, [channel / strongest for channel in lamp["intensity"]]
+        light.shadow_soft_size = lamp["radius"]
+        if hasattr(light, "use_soft_falloff"):
+            light.use_soft_falloff = False
+        thing = bpy.data.objects.new(lamp["name"], light)
+        thing.location, thing.visible_camera = lamp["position"], False
+        if spot:
+            thing.rotation_euler = Vector(spot["axis"]).to_track_quat("-Z", "Y").to_euler()
+            cone(light, *spot["cosines"])
+        collection.objects.link(thing)
+
+
+def cone(light, inner, outer):
+    """A spot's cone, by the cosines between which it fades: in Blender as x^2 (3 - 2 x), in glTF as x^2, which its nodes make of it for
+    Cycles."""
+    edge = max(inner - outer, 1e-3)
+    light.spot_size, light.spot_blend = 2 * math.acos(outer), min(edge / max(1.0 - outer, 1e-9), 1.0)
+    tree = Tree.of(light)
+    turn = tree.node("ShaderNodeVectorTransform", vector_type="VECTOR", convert_from="WORLD", convert_to="OBJECT")
+    tree.put(tree.node("ShaderNodeNewGeometry").outputs["Incoming"], turn.inputs[0])
+    cosine = tree.vector("DOT_PRODUCT", tree.vector("NORMALIZE", turn.outputs[0]), (0.0, 0.0, -1.0))
+    x = tree.node("ShaderNodeMath", operation="MULTIPLY_ADD", use_clamp=True)
+    for value, socket in zip((cosine, 1.0 / edge, -outer / edge), x.inputs):
+        tree.put(value, socket)
+    emission = tree.node("ShaderNodeEmission")
+    tree.put(tree.math("DIVIDE", 1.0, tree.math("MULTIPLY_ADD", x.outputs[0], -2.0, 3.0)), emission.inputs["Strength"])
+    tree.put(emission.outputs[0], tree.node("ShaderNodeOutputLight").inputs["Surface"])
 
 
 def sky(cloud, scene):
@@ -129,6 +165,7 @@ def main():
     scene = bpy.data.scenes.new(cloud["name"])
     collection = scene.collection
     sun(cloud, collection)
+    lamps(cloud, collection)
     near, far = camera(cloud, scene, collection)
     volume(cloud, path, collection)
     surfaces(cloud, collection)

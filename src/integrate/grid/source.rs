@@ -13,7 +13,7 @@ use crate::photon::{Model, Tracer};
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::scene::phase::{henyey_greenstein, one_minus_cos};
-use crate::scene::{Scene, Sun, medium::luminance};
+use crate::scene::{Lamp, Scene, Sun, medium::luminance};
 use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
 use std::borrow::Cow;
@@ -70,7 +70,8 @@ pub enum Light {
 pub struct Part {
     /// Which.
     pub light: Light,
-    /// What a number of 1 stands for, W m^-2 sr^-1: the sun's irradiance over one steradian, or without sun the sky's radiance.
+    /// What a number of 1 stands for, W m^-2 sr^-1: the sun's irradiance over one steradian, or without sun the sky's radiance; at least
+    /// what lamps and flames would give at the distance of the regions' size.
     pub scale: f64,
     /// Its colour: linear RGB with a luminance of 1, or one channel.
     pub tint: [f64; 3],
@@ -121,6 +122,13 @@ fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3, Vec3)> {
         parts.push((Cow::Owned(Scene { sun: dark, ..scene.clone() }), Vec3::ONE, sky_tint));
     }
     parts
+}
+
+/// About what lamps and flames send to regions, over one steradian, W m^-2 sr^-1.
+fn from_near(scene: &Scene) -> f64 {
+    let intensity = scene.lamps.iter().map(Lamp::grey).chain(scene.flames.iter().map(|flame| flame.power() / (4.0 * PI))).sum::<f64>();
+    let size = scene.region_bounds().size().length_squared();
+    if size > 0.0 && size.is_finite() { intensity / size } else { 0.0 }
 }
 
 impl SourceFunction {
@@ -181,7 +189,7 @@ impl SourceFunction {
                 (_, 1) => Light::Green,
                 _ => Light::Blue,
             };
-            let scale = if shines { irradiance } else { luminance(part.sky) };
+            let scale = (if shines { irradiance } else { luminance(part.sky) }).max(from_near(&part));
             let tint = (tint * mask).as_dvec3().to_array();
             lights.push((Part { light, scale: if scale > 0.0 { scale } else { 1.0 }, tint }, followed));
         }

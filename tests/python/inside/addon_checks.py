@@ -659,6 +659,58 @@ def baked_light_comes_and_goes(folder):
 
 
 @check
+def what_shines_comes_and_goes(folder):
+    scene = fresh(folder, density="source", medium="smoke", max_voxels=20_000)
+    ball, own = metaball(), scene.cloudvdb_settings
+    volume = cloud(ball)
+    tree = lambda: volume.data.materials[0].node_tree
+    plain = {node.name for node in tree().nodes}
+    for bake, kelvin, also in (("none", 0, set()), ("isotropic", 0, {"Live"}), ("isotropic", 1500, {"Live"}), ("none", 1500, set())):
+        own.bake, own.temperature = bake, kelvin
+        own.emission, own.emission_color = (0 if kelvin else 5), (1.0, 0.5, 0.25)
+        cloud(ball)
+        shown = {node.name for node in tree().nodes}
+        assert "emission" in [grid.name for grid in volume.data.grids] and "yours" not in message(), (bake, message())
+        assert {"emission", "Live Volume"} <= shown and ({"Live"} & shown) == also, shown
+    own.temperature, own.emission = 0, 5
+    cloud(ball)
+    shines = tree().nodes["emission"]
+    emission = next(node for node in tree().nodes if node.type == "EMISSION")
+    assert 4 < shines.outputs[0].default_value < 6 and [round(c, 4) for c in emission.inputs["Color"].default_value[:3]] == [1, 0.5, 0.25]
+    # What the user has changed stays, and is told.
+    shines.outputs[0].default_value = 50
+    cloud(ball)
+    assert tree().nodes["emission"].outputs[0].default_value == 50 and "shines by itself" in message(), message()
+    volume.data.materials.clear()
+    own.emission = 0
+    cloud(ball)
+    assert {node.name for node in tree().nodes} == plain and "yours" not in message(), message()
+
+
+@check
+def lamps_go_along_where_that_is_asked(folder):
+    scene = fresh(folder, density="source")
+    ball, export, path = metaball(), module().gltf_export, os.path.join(folder, "layout.glb")
+    lamp = bpy.data.lights.new("Lamp", "POINT")
+    lamp.energy, lamp.shadow_soft_size = 100.0, 0.25
+    scene.collection.objects.link(bpy.data.objects.new("Lamp", lamp))
+
+    def written():
+        export.write(path, export.Request(scene, [ball], scene.cloudvdb_settings))
+        with open(path, "rb") as file:
+            data = file.read()
+        document = json.loads(data[20:20 + int.from_bytes(data[12:16], "little")])
+        nodes = [node for node in document["nodes"] if "KHR_lights_punctual" in node.get("extensions", {})]
+        return nodes, document.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
+
+    assert written()[0] == []
+    scene.cloudvdb_settings.lamps = True
+    (node,), (light,) = written()
+    assert node["extras"]["cloudvdb"] == {"lamp_radius": 0.25} and light["type"] == "point", node
+    assert abs(light["intensity"] / (683 * 100 / (4 * math.pi)) - 1) < 1e-5, light
+
+
+@check
 def baked_sequences(folder):
     scene = fresh(folder, density="source", medium="smoke", bake="isotropic", max_voxels=20_000, frame_start=1, frame_end=2)
     ball = metaball()
