@@ -19,6 +19,7 @@ mod field;
 mod fit;
 mod frame;
 mod glow;
+mod plain;
 mod source;
 mod space;
 mod sums;
@@ -44,7 +45,7 @@ use cast::Cast;
 use field::{Field, Found, Request};
 use glam::{DVec3, Vec3};
 use glow::Glow;
-pub use source::{Kept, Light, Part, SourceFunction, SourceSettings};
+pub use source::{Kept, Light, Part, SourceFunction, SourceSettings, of_flow};
 use std::borrow::Cow;
 
 /// Bricks behind more optical depth than this, from everywhere in them, are not lit.
@@ -60,7 +61,7 @@ const COARSER: f64 = 2.0;
 const FEWER: u64 = 4;
 const FIRST: u64 = 1 << 40;
 /// All directions.
-const ALL: Basis = Basis::Around { degree: 2, axis: None };
+const ALL: Basis = Basis::Around { degree: 2 };
 
 /// The scene, compiled for one camera.
 #[derive(Debug)]

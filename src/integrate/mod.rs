@@ -24,7 +24,7 @@ use crate::scene::{Camera, Scene};
 pub use emission::{Emitted, render_emission};
 use glam::DVec3;
 use grid::GridTracer;
-pub use grid::{Kept, Light, Part, SourceFunction, SourceSettings, harmonics};
+pub use grid::{Kept, Light, Part, SourceFunction, SourceSettings, harmonics, of_flow};
 use lens::Lens;
 use path::PathTracer;
 use photon::{Lighting, PhotonSettings, PhotonTracer};

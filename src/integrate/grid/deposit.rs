@@ -17,13 +17,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// The last order of each class of light: what has scattered alike often is smoothed alike.
 pub(super) const CLASSES: [u64; 5] = [2, 4, 8, 16, u64::MAX];
 /// Points along a flight are so many mean free paths apart, or a voxel where that is more.
-const SPACING: f64 = 1.0;
-/// Phase functions with a mean cosine nearer to 0 have no peak worth aiming with.
-const PEAKED: f64 = 0.3;
-/// How many flights are aimed at the camera, per collision.
-const ASIDE: f32 = 0.3;
+pub(super) const SPACING: f64 = 1.0;
 /// Sums are of whole numbers, of which the strongest photon in the phase function's peak is 2^36: the same in whatever order.
-const WHOLE: f64 = (1u64 << 36) as f64;
+pub(super) const WHOLE: f64 = (1u64 << 36) as f64;
 
 /// What photons have left: by class, of each voxel and number of the basis, what they brought to the medium there, over the whole voxel,
 /// as a sum.
@@ -85,16 +81,22 @@ pub(super) fn gather(
     Ok(())
 }
 
+/// The class of what light will be that has collided or bounced `events` times.
+#[inline]
+pub(super) fn class_of(events: u64) -> usize {
+    CLASSES.iter().filter(|&&last| last < events + 1).count()
+}
+
 /// How much of a voxel is medium.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Held {
+pub(super) enum Held {
     Nothing,
     Part,
     All,
 }
 
 impl Held {
-    fn of(share: f32) -> Self {
+    pub(super) fn of(share: f32) -> Self {
         match share {
             ..=0.0 => Held::Nothing,
             1.0.. => Held::All,
@@ -134,7 +136,7 @@ impl Witness for Deposits<'_> {
         if events == 0 {
             return;
         }
-        let class = CLASSES.iter().filter(|&&last| last < events + 1).count();
+        let class = class_of(events);
         let share = (power * self.whole) as f32;
         self.space.frame.along(ray, reach, (self.spacing, rng.uniform_f32()), |p, voxel| {
             match self.held[voxel] {
@@ -162,20 +164,13 @@ impl Witness for Deposits<'_> {
         });
     }
 
-    /// Most of what a photon sends toward the camera it sends when it happens to fly there, seldom and much at once. So now and then
-    /// a flight begins toward the camera by the phase function of the scattering that is to follow, and shares with the photon's
-    /// own by the balance heuristic: what either could find is bounded by the other.
     #[inline]
     fn aside(&self, p: Vec3, before: Vec3, g: f64, rng: &mut Rng) -> Option<(Vec3, f64)> {
-        if g.abs() < PEAKED || !matches!(self.basis, Basis::View { .. }) || rng.uniform_f32() >= ASIDE {
-            return None;
-        }
-        let direction = self.basis.toward(p, g, (rng.uniform(), rng.uniform_f32()))?;
-        Some((direction, self.basis.own(p, before, direction, g, ASIDE).into()))
+        self.basis.aside(p, before, g, rng)
     }
 
     #[inline]
     fn share(&self, p: Vec3, before: Vec3, direction: Vec3, g: f64) -> f64 {
-        if g.abs() < PEAKED { 1.0 } else { self.basis.own(p, before, direction, g, ASIDE).into() }
+        self.basis.share(p, before, direction, g)
     }
 }

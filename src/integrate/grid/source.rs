@@ -1,8 +1,8 @@
 //! The source function: what the medium at a point sends out, per unit of optical depth. It is what a bake keeps.
 
-use super::BYTES;
-use super::basis::{AROUND, Basis, DEGREE, HARMONICS, harmonics, legendre};
-use super::field::{Field, Request};
+use super::basis::{Basis, DEGREE, HARMONICS, harmonics};
+use super::field::Request;
+use super::plain::{APART, NARROWER, Plain};
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::integrate::path::PathTracer;
@@ -20,15 +20,20 @@ use std::f64::consts::PI;
 
 /// Phase functions with a mean cosine below this leave no light that is peaked about the sun's once it has scattered twice.
 const PEAKED: f64 = 0.3;
-/// The mean cosine of the lobe about the sun is within these.
-const LOBE: [f64; 2] = [0.05, 0.9];
+
+/// Numbers of a place in a field, at most, but for cameras that see many phase functions.
+const NUMBERS: usize = HARMONICS + 4 * APART;
+/// Numbers of a part before its harmonics.
+const LOBES: usize = 6;
+/// The lobe about the flow has no larger mean cosine.
+const NARROWEST: f64 = 0.9;
 
 /// What of the directions of light is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kept {
     /// What goes toward a point, in the world (m).
     Toward(DVec3),
-    /// Harmonics of degrees 0 to 2 at most.
+    /// Harmonics of degrees 0 to 3 at most, and lobes.
     Around {
         /// The largest degree.
         degree: usize,
@@ -89,11 +94,11 @@ pub struct SourceFunction {
 struct Followed {
     tracer: PathTracer,
     photons: Tracer,
-    field: Option<Field>,
+    field: Option<Plain>,
     /// The sun's irradiance, W m^-2, and the direction in which its light travels.
     irradiance: f64,
     sunward: Vec3,
-    /// The mean cosine of the lobe about the sun's light of what has scattered more than once; 0 where there is none.
+    /// The mean cosine of the lobe about the sun's light of what has scattered twice; 0 where there is none.
     lobe: f64,
 }
 
@@ -144,22 +149,19 @@ impl SourceFunction {
             let sunward = part.sun.direction.normalize().as_vec3();
             let basis = match kept {
                 Kept::Toward(eye) => Basis::view(&part, (eye - origin).as_vec3()),
-                Kept::Around { degree } => {
-                    Basis::Around { degree, axis: (degree > 0 && shines && mean_cosine > PEAKED).then_some(sunward) }
-                }
+                Kept::Around { degree } => Basis::Around { degree },
             };
-            let mut followed = Followed { tracer, photons, field: None, irradiance, sunward, lobe: 0.0 };
+            let peaked = matches!(basis, Basis::Around { degree: 1.. }) && shines && mean_cosine > PEAKED;
+            let lobe = if peaked { mean_cosine.powi(2) } else { 0.0 };
+            let mut followed = Followed { tracer, photons, field: None, irradiance, sunward, lobe };
             if !part.regions.is_empty() && followed.photons.strongest() > 0.0 {
                 let media = &followed.tracer.bands[0].media;
                 let share = settings.photons / count as u64;
-                let voxels = (settings.memory / (BYTES * basis.len() as u64)).min(share.max(super::LEAST_VOXELS)) as usize;
+                let voxels = Plain::room(&basis, settings.memory).min(share.max(super::LEAST_VOXELS)) as usize;
                 let seen = |_| true;
                 let request =
-                    Request { scene: &part, media, basis, origin, seen: &seen, first: 0, seed: settings.seed, voxels, coarser: 1.0 };
-                let mut field = Field::new(request);
-                field.brighten((&followed.photons, media), share, progress)?;
-                followed.lobe = field.lobe(mean_cosine).map_or(0.0, |lobe| lobe.clamp(LOBE[0], LOBE[1]));
-                followed.field = Some(field);
+                    Request { scene: &part, media, basis, origin, seen: &seen, first: 0, seed: settings.seed, voxels, coarser: NARROWER };
+                followed.field = Some(Plain::new(request, &followed.photons, share, progress)?);
             }
             let light = match (count, number) {
                 (1, _) => Light::All,
@@ -193,27 +195,35 @@ impl SourceFunction {
 
     /// Photons that were followed.
     pub fn photons(&self) -> u64 {
-        self.lights.iter().filter_map(|(_, f)| f.field.as_ref()).map(Field::photons).sum()
+        self.lights.iter().filter_map(|(_, f)| f.field.as_ref()).map(Plain::photons).sum()
     }
 
     /// Numbers that a part has at a point: one toward a point; else the sunlight that arrives and scatters, the lobe about it, that about
-    /// the flow, and the harmonics.
+    /// the flow, the flow along x, y and z, and the harmonics.
     pub fn numbers(&self) -> usize {
         match self.kept {
             Kept::Toward(_) => 1,
-            Kept::Around { degree } => 3 + (degree + 1).pow(2),
+            Kept::Around { degree } => LOBES + (degree + 1).pow(2),
         }
     }
 
     /// A part's numbers at a point of the world, in units of its scale. Gives the extinction there, 1/m; where it is 0, nothing is said.
     pub fn at(&self, part: usize, p: DVec3, scratch: &mut Scratch, into: &mut [f32]) -> f64 {
+        self.beside(part, (p, p), scratch, into)
+    }
+
+    /// The same beside the medium, as if that of `inside` reached there; if a surface is between, of `inside` itself.
+    pub fn beside(&self, part: usize, (p, inside): (DVec3, DVec3), scratch: &mut Scratch, into: &mut [f32]) -> f64 {
         let (Part { scale, .. }, followed) = &self.lights[part];
         let band = &followed.tracer.bands[0];
-        let p = (p - self.origin).as_vec3();
+        let (mut p, inside) = ((p - self.origin).as_vec3(), (inside - self.origin).as_vec3());
+        if followed.walled(inside, p) {
+            p = inside;
+        }
         // Of each region there: its share of the extinction, and its albedo and mean cosine.
         let mut here: SmallVec<[(f64, f64, f64); 4]> = SmallVec::new();
         let mut whole = 0.0;
-        band.media.regions_at(p, |region, sigma_t| {
+        band.media.regions_at(inside, |region, sigma_t| {
             let optics = band.media.optics(region);
             here.push((sigma_t, optics.albedo, optics.g));
             whole += sigma_t;
@@ -224,6 +234,11 @@ impl SourceFunction {
         here.iter_mut().for_each(|region| region.0 /= whole);
         into.fill(0.0);
         let clear = followed.clear(p, scratch);
+        let mut light: SmallVec<[f32; NUMBERS]> = SmallVec::new();
+        let found = followed.field.as_ref().is_some_and(|field| {
+            light.resize(field.numbers(), 0.0);
+            field.at(p, &mut light) || field.at(inside, &mut light)
+        });
         match self.kept {
             Kept::Toward(eye) => {
                 let outward = ((eye - self.origin).as_vec3() - p).normalize_or_zero();
@@ -231,61 +246,85 @@ impl SourceFunction {
                 let mut sum = 0.0;
                 for &(share, albedo, g) in &here {
                     sum += share * albedo * clear * followed.irradiance * henyey_greenstein(g, turn);
-                    if let Some(field) = &followed.field {
-                        sum += f64::from(field.toward(p, outward, g, (share * albedo) as f32));
+                    if let Some(field) = followed.field.as_ref().filter(|_| found) {
+                        sum += share * albedo * f64::from(field.toward(&light, g));
                     }
                 }
                 into[0] = (sum / scale) as f32;
             }
-            Kept::Around { degree } => self.around(degree, followed, p, clear, &here, *scale, into),
+            Kept::Around { .. } => self.around(followed, clear, &here, found.then_some(&light[..]), *scale, into),
         }
         whole
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn around(&self, degree: usize, followed: &Followed, p: Vec3, clear: f64, here: &[(f64, f64, f64)], scale: f64, into: &mut [f32]) {
-        let lobe = followed.lobe;
-        let (count, end) = ((degree + 1).pow(2), if lobe > 0.0 { (degree + 2).pow(2) } else { (degree + 1).pow(2) });
+    /// `light` is that of the field: its harmonics, and those of degrees 0 and 1 of each class that is kept apart.
+    fn around(&self, followed: &Followed, clear: f64, here: &[(f64, f64, f64)], light: Option<&[f32]>, scale: f64, into: &mut [f32]) {
+        let (lobe, count) = (followed.lobe, into.len() - LOBES);
         let along = harmonics(followed.sunward);
-        let mut light = [0.0f32; AROUND];
-        let found = followed.field.as_ref().is_some_and(|field| field.numbers(p, &mut light[..]));
         let mut sun = 0.0;
         let mut out = [0.0f64; HARMONICS];
+        // By class kept apart: the flow of what scatters that often, its first moment, and the whole of it.
+        let mut flows = [(DVec3::ZERO, 0.0); APART];
         for &(share, albedo, g) in here {
             let once = share * albedo * clear * followed.irradiance;
             sun += once;
-            for i in 0..end {
+            for i in 0..count {
                 let l = DEGREE[i] as i32;
                 // Sunlight scattered once goes by the mean cosine of all; what the region's own differs by is in the harmonics.
                 out[i] += once * (g.powi(l) - self.mean_cosine.powi(l)) * f64::from(along[i]);
-                if found {
+                if let Some(light) = light {
                     out[i] += share * albedo * g.powi(l) * f64::from(light[i]);
                 }
             }
+            for (flow, low) in flows.iter_mut().zip(light.into_iter().flat_map(|light| light[count..].chunks_exact(4))) {
+                flow.0 += share * albedo * g * moment(&low[1..]);
+                flow.1 += share * albedo * f64::from(low[0]) * (4.0 * PI).sqrt();
+            }
         }
-        // The lobe about the sun has the moment beyond the harmonics that the light has there, that about the flow what is left of it
-        // along the flow.
-        let (mut glow, mut flow) = (0.0, 0.0);
-        if end > count {
-            let axis = DVec3::new(out[3], out[1], out[2]).normalize_or_zero().as_vec3();
-            let about = harmonics(axis);
-            let moment = |axis: &[f32; HARMONICS]| (count..end).map(|i| out[i] * f64::from(axis[i])).sum::<f64>();
-            let whole = 4.0 * PI / (end - count) as f64 / lobe.powi(degree as i32 + 1);
-            glow = whole * moment(&along);
-            flow = whole * moment(&about) - glow * f64::from(legendre(degree + 1, followed.sunward.dot(axis)));
+        let mut lobes = [0.0f64; LOBES];
+        lobes[0] = sun;
+        if lobe > 0.0 {
+            // Light that scatters a second time does so about the sun's, that of the third and fourth about the way in which it flows. What
+            // their moments of degree 0 to the last are is not the harmonics' any more.
+            let glow = (flows[0].0.dot(followed.sunward.as_dvec3()) / lobe).max(0.0);
+            let (flow, mean) = flows[1];
+            let narrow = of_flow(flow.length(), mean);
+            let axis = harmonics(flow.normalize_or_zero().as_vec3());
+            for i in 0..count {
+                let l = DEGREE[i] as i32;
+                out[i] -= glow * lobe.powi(l) * f64::from(along[i]);
+                if narrow > 0.0 {
+                    out[i] -= mean * narrow.powi(l) * f64::from(axis[i]);
+                }
+            }
+            lobes[1] = glow;
+            if narrow > 0.0 {
+                lobes[2..].copy_from_slice(&[mean, flow.x, flow.y, flow.z]);
+            }
         }
-        // The harmonics have the rest of what the lobe about the sun does not have; that about the flow has none of their degrees.
-        for i in 0..count {
-            let own = glow * lobe.powi(DEGREE[i] as i32) * f64::from(along[i]);
-            into[3 + i] = ((out[i] - own) / scale) as f32;
-        }
-        into[0] = (sun / scale) as f32;
-        into[1] = (glow / scale) as f32;
-        into[2] = (flow / scale) as f32;
+        into.iter_mut().zip(lobes.into_iter().chain(out)).for_each(|(into, value)| *into = (value / scale) as f32);
     }
 }
 
+/// The integral of radiance times direction, from its harmonics of degree 1.
+fn moment(first: &[f32]) -> DVec3 {
+    let [y, z, x] = [0, 1, 2].map(|i| f64::from(first[i]));
+    DVec3::new(x, y, z) * (4.0 * PI / 3.0).sqrt()
+}
+
+/// The mean cosine of the lobe about the flow of light, from the length of the flow and the whole of the light; 0 without any.
+pub fn of_flow(flow: f64, whole: f64) -> f64 {
+    if whole > 0.0 { (flow / whole).min(NARROWEST) } else { 0.0 }
+}
+
 impl Followed {
+    /// Whether a surface is between two points.
+    fn walled(&self, from: Vec3, to: Vec3) -> bool {
+        let way = to - from;
+        let (reach, surfaces) = (way.length(), &self.tracer.surfaces);
+        reach > 0.0 && !surfaces.is_empty() && surfaces.nearest(&Ray { origin: from, direction: way / reach }, reach).is_some()
+    }
+
     /// The share of sunlight that arrives at a point.
     fn clear(&self, p: Vec3, scratch: &mut Scratch) -> f64 {
         if self.irradiance <= 0.0 {
