@@ -19,6 +19,7 @@ mod field;
 mod fit;
 mod frame;
 mod glow;
+mod lobes;
 mod plain;
 mod source;
 mod space;
@@ -45,7 +46,8 @@ use cast::Cast;
 use field::{Field, Found, Request};
 use glam::{DVec3, Vec3};
 use glow::Glow;
-pub use source::{Kept, Light, Part, SourceFunction, SourceSettings, of_flow};
+pub use lobes::of_flow;
+pub use source::{Kept, Light, Part, SourceFunction, SourceSettings};
 use std::borrow::Cow;
 
 /// Bricks behind more optical depth than this, from everywhere in them, are not lit.

@@ -1,7 +1,8 @@
 //! The source function: what the medium at a point sends out, per unit of optical depth. It is what a bake keeps.
 
-use super::basis::{Basis, DEGREE, HARMONICS, harmonics};
+use super::basis::{Basis, HARMONICS};
 use super::field::Request;
+use super::lobes::{LOBES, Sunlight};
 use super::plain::{APART, NARROWER, Plain};
 use crate::error::Result;
 use crate::geom::Ray;
@@ -16,17 +17,12 @@ use crate::scene::{Scene, Sun, medium::luminance};
 use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
 use std::borrow::Cow;
-use std::f64::consts::PI;
 
 /// Phase functions with a mean cosine below this leave no light that is peaked about the sun's once it has scattered twice.
 const PEAKED: f64 = 0.3;
 
 /// Numbers of a place in a field, at most, but for cameras that see many phase functions.
 const NUMBERS: usize = HARMONICS + 4 * APART;
-/// Numbers of a part before its harmonics.
-const LOBES: usize = 6;
-/// The lobe about the flow has no larger mean cosine.
-const NARROWEST: f64 = 0.9;
 
 /// What of the directions of light is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -252,69 +248,14 @@ impl SourceFunction {
                 }
                 into[0] = (sum / scale) as f32;
             }
-            Kept::Around { .. } => self.around(followed, clear, &here, found.then_some(&light[..]), *scale, into),
+            Kept::Around { .. } => {
+                let Followed { irradiance, sunward, lobe, .. } = *followed;
+                let sunlight = Sunlight { way: sunward, arrives: clear * irradiance, mean_cosine: self.mean_cosine, lobe };
+                sunlight.with_others(&here, found.then_some(&light[..]), *scale, into);
+            }
         }
         whole
     }
-
-    /// `light` is that of the field: its harmonics, and those of degrees 0 and 1 of each class that is kept apart.
-    fn around(&self, followed: &Followed, clear: f64, here: &[(f64, f64, f64)], light: Option<&[f32]>, scale: f64, into: &mut [f32]) {
-        let (lobe, count) = (followed.lobe, into.len() - LOBES);
-        let along = harmonics(followed.sunward);
-        let mut sun = 0.0;
-        let mut out = [0.0f64; HARMONICS];
-        // By class kept apart: the flow of what scatters that often, its first moment, and the whole of it.
-        let mut flows = [(DVec3::ZERO, 0.0); APART];
-        for &(share, albedo, g) in here {
-            let once = share * albedo * clear * followed.irradiance;
-            sun += once;
-            for i in 0..count {
-                let l = DEGREE[i] as i32;
-                // Sunlight scattered once goes by the mean cosine of all; what the region's own differs by is in the harmonics.
-                out[i] += once * (g.powi(l) - self.mean_cosine.powi(l)) * f64::from(along[i]);
-                if let Some(light) = light {
-                    out[i] += share * albedo * g.powi(l) * f64::from(light[i]);
-                }
-            }
-            for (flow, low) in flows.iter_mut().zip(light.into_iter().flat_map(|light| light[count..].chunks_exact(4))) {
-                flow.0 += share * albedo * g * moment(&low[1..]);
-                flow.1 += share * albedo * f64::from(low[0]) * (4.0 * PI).sqrt();
-            }
-        }
-        let mut lobes = [0.0f64; LOBES];
-        lobes[0] = sun;
-        if lobe > 0.0 {
-            // Light that scatters a second time does so about the sun's, that of the third and fourth about the way in which it flows. What
-            // their moments of degree 0 to the last are is not the harmonics' any more.
-            let glow = (flows[0].0.dot(followed.sunward.as_dvec3()) / lobe).max(0.0);
-            let (flow, mean) = flows[1];
-            let narrow = of_flow(flow.length(), mean);
-            let axis = harmonics(flow.normalize_or_zero().as_vec3());
-            for i in 0..count {
-                let l = DEGREE[i] as i32;
-                out[i] -= glow * lobe.powi(l) * f64::from(along[i]);
-                if narrow > 0.0 {
-                    out[i] -= mean * narrow.powi(l) * f64::from(axis[i]);
-                }
-            }
-            lobes[1] = glow;
-            if narrow > 0.0 {
-                lobes[2..].copy_from_slice(&[mean, flow.x, flow.y, flow.z]);
-            }
-        }
-        into.iter_mut().zip(lobes.into_iter().chain(out)).for_each(|(into, value)| *into = (value / scale) as f32);
-    }
-}
-
-/// The integral of radiance times direction, from its harmonics of degree 1.
-fn moment(first: &[f32]) -> DVec3 {
-    let [y, z, x] = [0, 1, 2].map(|i| f64::from(first[i]));
-    DVec3::new(x, y, z) * (4.0 * PI / 3.0).sqrt()
-}
-
-/// The mean cosine of the lobe about the flow of light, from the length of the flow and the whole of the light; 0 without any.
-pub fn of_flow(flow: f64, whole: f64) -> f64 {
-    if whole > 0.0 { (flow / whole).min(NARROWEST) } else { 0.0 }
 }
 
 impl Followed {
