@@ -93,7 +93,7 @@ mod tests {
         let (g, albedo, arrives) = (0.8, 0.9, 2.0);
         let sunlight = Sunlight { way: Vec3::new(0.6, 0.0, -0.8), arrives, mean_cosine: g, lobe: g * g };
         // Harmonics of all light; then those of degrees 0 and 1 of what scatters twice, and three or four times.
-        let mut light = vec![3.0, 0.4, -0.9, 0.5, 0.1, -0.2, 0.3, 0.1, -0.3, 0.2, 0.1, -0.1, 0.15, 0.2, -0.25, 0.1];
+        let mut light: Vec<f32> = vec![3.0, 0.4, -0.9, 0.5, 0.1, -0.2, 0.3, 0.1, -0.3, 0.2, 0.1, -0.1, 0.15, 0.2, -0.25, 0.1];
         light.extend([0.7, 0.1, -0.3, 0.2, 0.9, 0.5, -0.2, 0.1]);
         let mut into = [0.0f32; LOBES + HARMONICS];
         sunlight.with_others(&[(1.0, albedo, g)], Some(&light), 1.0, &mut into);
