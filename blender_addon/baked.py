@@ -4,7 +4,7 @@ import math
 
 import bpy
 
-#: Real orthonormal spherical harmonics of degrees 0 to 2, in cloudvdb's order: a factor, and the powers of x, y, z that are summed.
+#: Real orthonormal spherical harmonics of degrees 0 to 3, in cloudvdb's order: a factor, and the powers of x, y, z that are summed.
 HARMONICS = (
     (math.sqrt(1 / (4 * math.pi)), {(0, 0, 0): 1}),
     (math.sqrt(3 / (4 * math.pi)), {(0, 1, 0): 1}),
@@ -15,7 +15,23 @@ HARMONICS = (
     (math.sqrt(5 / (16 * math.pi)), {(0, 0, 2): 3, (0, 0, 0): -1}),
     (math.sqrt(15 / (4 * math.pi)), {(1, 0, 1): 1}),
     (math.sqrt(15 / (16 * math.pi)), {(2, 0, 0): 1, (0, 2, 0): -1}),
+    (math.sqrt(35 / (32 * math.pi)), {(2, 1, 0): 3, (0, 3, 0): -1}),
+    (math.sqrt(105 / (4 * math.pi)), {(1, 1, 1): 1}),
+    (math.sqrt(21 / (32 * math.pi)), {(0, 1, 2): 5, (0, 1, 0): -1}),
+    (math.sqrt(7 / (16 * math.pi)), {(0, 0, 3): 5, (0, 0, 1): -3}),
+    (math.sqrt(21 / (32 * math.pi)), {(1, 0, 2): 5, (1, 0, 0): -1}),
+    (math.sqrt(105 / (16 * math.pi)), {(2, 0, 1): 1, (0, 2, 1): -1}),
+    (math.sqrt(35 / (32 * math.pi)), {(3, 0, 0): 1, (1, 2, 0): -3}),
 )
+#: The grids of the flow of light along x, y and z.
+FLOW = ("flowx", "flowy", "flowz")
+#: EEVEE's materials read at most so many grids of light beside the density (a material has 15 attributes).
+EEVEE_GRIDS = 14
+#: What it may be shown, the best first: the largest degree of the harmonics, and how the lobe about the flow of light is held: as it is,
+#: by a mean cosine of its own for all places, or even in all directions.
+SHORTER = ((3, "whole"), (2, "alike"), (1, "alike"), (0, "even"))
+#: That mean cosine.
+ALIKE = 0.6
 #: The names of the lights, as the group of the baked light shows them.
 LIGHTS = {"all": "Light", "sun": "Sun", "sky": "Sky", "red": "Light", "green": "Light", "blue": "Light"}
 
@@ -66,13 +82,13 @@ class Tree:
         return node.outputs[0]
 
     def vector(self, operation, *values, scale=None):
-        """A vector, or of a dot product a number."""
+        """A vector, or of a dot product and a length a number."""
         node = self.node("ShaderNodeVectorMath", operation=operation)
         for value, socket in zip(values, node.inputs):
             self.put(value, socket)
         if scale is not None:
             self.put(scale, node.inputs["Scale"])
-        return node.outputs["Value" if operation == "DOT_PRODUCT" else "Vector"]
+        return node.outputs["Value" if operation in ("DOT_PRODUCT", "LENGTH") else "Vector"]
 
     def total(self, terms):
         """The sum of numbers."""
@@ -110,20 +126,25 @@ def material(name, cloud):
     absorption = tree.node("ShaderNodeVolumeAbsorption")
     absorption.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
     tree.put(extinction, absorption.inputs["Density"])
-    emission = tree.node("ShaderNodeEmission")
-    tree.put(light.outputs[0], emission.inputs["Color"])
     strength = extinction
     if cloud["bake"]["bake"] == "view":
         # What goes toward the camera is nobody else's light.
         strength = tree.math("MULTIPLY", extinction, tree.node("ShaderNodeLightPath").outputs["Is Camera Ray"])
-    tree.put(strength, emission.inputs["Strength"])
-    both, mix = tree.node("ShaderNodeAddShader"), tree.node("ShaderNodeMixShader")
-    tree.put(absorption.outputs[0], both.inputs[0])
-    tree.put(emission.outputs[0], both.inputs[1])
-    tree.put(switch.outputs[0], mix.inputs[0])
-    tree.put(both.outputs[0], mix.inputs[1])
-    tree.put(live.outputs[0], mix.inputs[2])
-    tree.put(_shining(tree, cloud, mix.outputs[0]), out.inputs["Volume"])
+    outs = [out]
+    if len(light.outputs) > 1:
+        outs.append(tree.node("ShaderNodeOutputMaterial"))
+        out.target, outs[1].target = "CYCLES", "EEVEE"
+    for source, out in zip(light.outputs, outs):
+        emission = tree.node("ShaderNodeEmission")
+        tree.put(source, emission.inputs["Color"])
+        tree.put(strength, emission.inputs["Strength"])
+        both, mix = tree.node("ShaderNodeAddShader"), tree.node("ShaderNodeMixShader")
+        tree.put(absorption.outputs[0], both.inputs[0])
+        tree.put(emission.outputs[0], both.inputs[1])
+        tree.put(switch.outputs[0], mix.inputs[0])
+        tree.put(both.outputs[0], mix.inputs[1])
+        tree.put(live.outputs[0], mix.inputs[2])
+        tree.put(_shining(tree, cloud, mix.outputs[0]), out.inputs["Volume"])
     return made
 
 
@@ -143,43 +164,65 @@ def _shining(tree, cloud, volume):
 
 def group(name, cloud):
     """The node group of the baked light: radiance that the medium sends toward the viewer, per unit of optical depth (W m^-2 sr^-1,
-    RGB). Its inputs are factors of the lights."""
+    RGB). Its inputs are factors of the lights. Where there are more grids than EEVEE reads, a second output does with fewer."""
     bake, nodes = cloud["bake"], bpy.data.node_groups.new(f"{name} light", "ShaderNodeTree")
     tree = Tree(nodes)
     names = list(dict.fromkeys(LIGHTS[part["light"]] for part in bake["parts"]))
     for light in names:
         _socket(nodes, light, "INPUT", "NodeSocketFloat")
-    _socket(nodes, "Light", "OUTPUT", "NodeSocketColor")
+    ways = [SHORTER[0], *[way for way in SHORTER if _read(bake, way) <= EEVEE_GRIDS][:1]]
+    for light, way in zip(("Light", "Light in EEVEE"), dict.fromkeys(ways)):
+        _socket(nodes, light, "OUTPUT", "NodeSocketColor")
     factors, out = tree.node("NodeGroupInput"), tree.node("NodeGroupOutput")
     sunlight = _sunlight(tree, cloud["sun"])
     viewer = _viewer(tree) if any("light" not in part["grids"] for part in bake["parts"]) else None
-    whole = None
-    for part in bake["parts"]:
-        number = _toward(tree, part, viewer, bake, sunlight)
-        number = tree.math("MULTIPLY", number, _number(tree, "Scale", part, "scale"))
-        number = tree.math("MULTIPLY", number, factors.outputs[names.index(LIGHTS[part["light"]])])
-        colour = tree.vector("SCALE", tuple(part["tint"]), scale=number)
-        whole = colour if whole is None else tree.vector("ADD", whole, colour)
-    tree.put(whole if whole is not None else (0.0, 0.0, 0.0, 1.0), out.inputs[0])
+    scales = [_number(tree, "Scale", part, "scale") for part in bake["parts"]]
+    lobes = [_number(tree, "Lobe", part, "glow") if "glow" in part["grids"] else 0.0 for part in bake["parts"]]
+    for way, socket in zip(dict.fromkeys(ways), out.inputs):
+        whole = None
+        for part, scale, lobe in zip(bake["parts"], scales, lobes):
+            number = _toward(tree, (part, lobe), viewer, bake["g"], sunlight, way)
+            number = tree.math("MULTIPLY", number, scale)
+            number = tree.math("MULTIPLY", number, factors.outputs[names.index(LIGHTS[part["light"]])])
+            colour = tree.vector("SCALE", tuple(part["tint"]), scale=number)
+            whole = colour if whole is None else tree.vector("ADD", whole, colour)
+        tree.put(whole if whole is not None else (0.0, 0.0, 0.0, 1.0), socket)
     return nodes
 
 
-def _toward(tree, part, viewer, bake, sunlight):
+def _shown(key, way):
+    """Whether a grid is read at all."""
+    degree, flow = way
+    if key in FLOW:
+        return flow != "even"
+    if key == "flow":
+        return flow != "alike"
+    return not key.isdigit() or int(key) < (degree + 1) ** 2
+
+
+def _read(bake, way):
+    """How many grids are."""
+    return sum(_shown(key, way) for part in bake["parts"] for key in part["grids"])
+
+
+def _toward(tree, light, viewer, g, sunlight, way):
     """What a light's grids send toward the viewer, in units of its scale."""
-    grids, terms = part["grids"], []
-    lobe = _number(tree, "Lobe", part, "glow") if "glow" in grids or "flow" in grids else 0.0
+    part, lobe = light
+    grids, terms = {key: name for key, name in part["grids"].items() if _shown(key, way)}, []
+    flow = []
     for key, name in grids.items():
         samples = tree.grid(name)
         if key == "light":
             terms.append(samples)
         elif key in ("sunlight", "glow"):
             cosine = tree.vector("DOT_PRODUCT", viewer, sunlight)
-            terms.append(tree.math("MULTIPLY", samples, _phase(tree, cosine, bake["g"] if key == "sunlight" else lobe)))
-        elif key == "flow":
-            cosine = tree.vector("DOT_PRODUCT", viewer, _flow(tree, grids, lobe, sunlight))
-            terms.append(tree.math("MULTIPLY", samples, _beyond(tree, cosine, lobe, 2 if bake["bake"] == "sh2" else 1)))
+            terms.append(tree.math("MULTIPLY", samples, _phase(tree, cosine, g if key == "sunlight" else lobe)))
+        elif key == "flow" or key in FLOW:
+            flow.append(key)
         else:
             terms.append(tree.math("MULTIPLY", samples, _harmonic(tree, viewer, int(key))))
+    if flow:
+        terms.append(_about_flow(tree, grids, viewer))
     if not terms:
         return 0.0
     # Few harmonics may fall below zero where light is peaked.
@@ -251,26 +294,20 @@ def _phase(tree, cosine, g):
     return tree.math("DIVIDE", whole, tree.math("POWER", base, 1.5))
 
 
-def _beyond(tree, cosine, g, degree):
-    """The Henyey-Greenstein function less its degrees 0 to `degree`, 1 or 2."""
-    along = tree.math("MULTIPLY", cosine, g)
-    low = tree.math("MULTIPLY_ADD", along, -3.0, -1.0)
-    if degree == 2:
-        # 5 g^2 (3 c^2 - 1) / 2
-        low = tree.math("MULTIPLY_ADD", tree.math("MULTIPLY", along, along), -7.5, low)
-        low = tree.math("MULTIPLY_ADD", tree.math("MULTIPLY", g, g), 2.5, low)
-    return tree.math("MULTIPLY_ADD", low, 1.0 / (4.0 * math.pi), _phase(tree, cosine, g))
-
-
-def _flow(tree, grids, lobe, sunlight):
-    """The direction in which light goes, that of the sun left out which scattered once."""
-    first = HARMONICS[1][0]
+def _about_flow(tree, grids, viewer):
+    """The lobe about the flow of light."""
+    if not any(key in grids for key in FLOW):
+        return tree.math("MULTIPLY", tree.grid(grids["flow"]), 1.0 / (4.0 * math.pi))
     flow = tree.node("ShaderNodeCombineXYZ")
-    for axis, key in enumerate("312"):
+    for key, socket in zip(FLOW, flow.inputs):
         if key in grids:
-            tree.put(tree.grid(grids[key]), flow.inputs[axis])
-    along = tree.math("MULTIPLY", tree.grid(grids["glow"]), tree.math("MULTIPLY", lobe, first)) if "glow" in grids else 0.0
-    return tree.vector("NORMALIZE", tree.vector("ADD", flow.outputs[0], tree.vector("SCALE", sunlight, scale=along)))
+            tree.put(tree.grid(grids[key]), socket)
+    length, cosine = tree.vector("LENGTH", flow.outputs[0]), tree.vector("DOT_PRODUCT", viewer, tree.vector("NORMALIZE", flow.outputs[0]))
+    if "flow" not in grids:
+        return tree.math("MULTIPLY", length, tree.math("MULTIPLY", _phase(tree, cosine, ALIKE), 1.0 / ALIKE))
+    whole = tree.grid(grids["flow"])
+    mean = tree.math("MAXIMUM", tree.math("MINIMUM", tree.math("DIVIDE", length, whole), 0.9), 0.0)
+    return tree.math("MULTIPLY", whole, _phase(tree, cosine, mean))
 
 
 def _harmonic(tree, direction, number):

@@ -37,7 +37,7 @@ BAKES = [
     ("none", "None", "The cloud scatters light by itself: true for any camera and light, and slow to render"),
     ("view", "For this Camera", "What goes toward the scene's camera, all orders of scattering at once: the truest picture from there. The camera "
                                 "may turn, but not move"),
-    ("sh2", "Any View", "What goes in all directions: the sun's peaks, the rest by harmonics up to degree 2. Eleven grids or more"),
+    ("sh2", "Any View", "What goes in all directions: the sun's peaks, the rest by harmonics up to degree 3. Nineteen grids or more"),
     ("isotropic", "Any View, smallest", "The mean over all directions: one grid, without the bright rims toward the sun"),
 ]
 

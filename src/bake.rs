@@ -9,11 +9,11 @@
 //! | --- | --- | --- |
 //! | [`Bake::View`] | `light` | `light` |
 //! | [`Bake::Isotropic`] | `light` | `light` |
-//! | [`Bake::Sh1`], [`Bake::Sh2`] | `sunlight`, `glow`, `flow`, `light_0` to `light_3` or `_8` | `sunlight` p(g, c) + `glow` p(h, c) + `flow` q(h, d) + the sum of `light_i` Y_i(omega) |
+//! | [`Bake::Sh1`], [`Bake::Sh2`] | `sunlight`, `glow`, `flow`, `flow_x` to `_z`, `light_0` to `light_3` or `_15` | `sunlight` p(g, c) + `glow` p(g^2, c) + `flow` p(h, d) + the sum of `light_i` Y_i(omega) |
 //!
 //! times the part's scale, W m^-2 sr^-1; c is the cosine between `omega` and the sun's light, p the Henyey-Greenstein function, d the
-//! cosine between `omega` and the local flow of light ([`Term::Flow`]), q the Henyey-Greenstein function less the degrees that the
-//! harmonics have, Y the real orthonormal spherical harmonics of z up, in the order of degrees and of m. Where the sun's light and the sky's have different
+//! cosine between `omega` and the vector (`flow_x`, `flow_y`, `flow_z`), h its length over `flow` ([`Term::Flow`]), Y the real orthonormal
+//! spherical harmonics of z up, in the order of degrees and of m. Where the sun's light and the sky's have different
 //! colours, or the medium has one, each light has grids of its own: `light_sun` and `light_sky`, or `light_red` and so on.
 //!
 //! Light of lamps and flames is in these grids once it has scattered. What flames send out themselves is not: the file
@@ -40,9 +40,9 @@ pub enum Bake {
     View,
     /// The mean over all directions.
     Isotropic,
-    /// All directions: sunlight that scattered once by its phase function, the rest by a lobe about the sun and harmonics up to degree 1.
+    /// All directions: sunlight that scattered once by its phase function, the rest by lobes and harmonics up to degree 1.
     Sh1,
-    /// The same up to degree 2.
+    /// The same up to degree 3: the lobes are for what harmonics of degree 2 leave out, and next to them those of degree 3 are worth most.
     Sh2,
 }
 
@@ -53,7 +53,7 @@ impl Bake {
             Bake::View => Kept::Toward(camera.world_from_camera.translation),
             Bake::Isotropic => Kept::Around { degree: 0 },
             Bake::Sh1 => Kept::Around { degree: 1 },
-            Bake::Sh2 => Kept::Around { degree: 2 },
+            Bake::Sh2 => Kept::Around { degree: 3 },
         }
     }
 }
@@ -66,12 +66,17 @@ pub enum Term {
     Light,
     /// Sunlight that arrives and scatters: times the phase function.
     Sunlight,
-    /// A lobe about the sun's light: times the phase function of its own mean cosine, one of [`Baked::lobes`].
+    /// What has scattered twice, as a lobe about the sun's light: times the phase function of its own mean cosine, one of [`Baked::lobes`].
     Glow,
-    /// A lobe of the same mean cosine h about the flow of all light but `sunlight`; of its Legendre series only what is beyond the degrees
-    /// of the harmonics. With s, the direction of the sun's light, the flow goes along the sum of (`light_3`, `light_1`, `light_2`) and
-    /// `glow` h sqrt(3 / 4 pi) s.
+    /// What has scattered three or four times, as a lobe about its own flow: times the phase function whose mean cosine is the length of the
+    /// flow over this, at most 0.9.
     Flow,
+    /// That flow along x: the integral over all directions of what goes there times the direction.
+    FlowX,
+    /// Along y.
+    FlowY,
+    /// Along z.
+    FlowZ,
     /// The coefficient of a spherical harmonic.
     Harmonic(usize),
 }
@@ -141,8 +146,13 @@ impl Baked {
                     one("sunlight", Term::Sunlight, numbers.grid(|n| n[0]));
                     one("glow", Term::Glow, numbers.grid(|n| n[1]));
                     one("flow", Term::Flow, numbers.grid(|n| n[2]));
-                    for i in 0..source.numbers() - 3 {
-                        one(&format!("light_{i}"), Term::Harmonic(i), numbers.grid(|n| n[3 + i]));
+                    for (i, (name, term)) in
+                        [("flow_x", Term::FlowX), ("flow_y", Term::FlowY), ("flow_z", Term::FlowZ)].into_iter().enumerate()
+                    {
+                        one(name, term, numbers.grid(|n| n[3 + i]));
+                    }
+                    for i in 0..source.numbers() - 6 {
+                        one(&format!("light_{i}"), Term::Harmonic(i), numbers.grid(|n| n[6 + i]));
                     }
                 }
             }
@@ -152,8 +162,8 @@ impl Baked {
     }
 }
 
-/// The mean over all directions of sunlight, lobe and first harmonic.
+/// The mean over all directions of sunlight and first harmonic; without directions there are no lobes.
 fn isotropic(numbers: &[f32]) -> f32 {
     const MEAN: f64 = 1.0 / (4.0 * PI);
-    ((f64::from(numbers[0]) + f64::from(numbers[1])) * MEAN + f64::from(numbers[3]) * MEAN.sqrt()) as f32
+    (f64::from(numbers[0]) * MEAN + f64::from(numbers[6]) * MEAN.sqrt()) as f32
 }

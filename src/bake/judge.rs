@@ -1,11 +1,11 @@
 //! How far a bake is off: its picture against the path tracer's, from its own camera and from others.
 
-use super::{Bake, Baked, Term};
+use super::{Baked, Term};
 use crate::error::Result;
 use crate::film::Film;
 use crate::geom::Bounds;
 use crate::integrate::photon::PhotonSettings;
-use crate::integrate::{Integrator, RenderSettings, render, render_emission};
+use crate::integrate::{Integrator, RenderSettings, of_flow, render, render_emission};
 use crate::plan::{Density, Plan};
 use crate::progress::Progress;
 use crate::scene::density::BRICK_SIDE;
@@ -147,7 +147,7 @@ impl<'a> Lookup<'a> {
         for (number, grids) in self.parts.iter().enumerate() {
             let Some(first) = grids.first() else { continue };
             let part = &self.baked.parts[number];
-            let mut values: SmallVec<[f64; 16]> = smallvec![0.0; grids.len()];
+            let mut values: SmallVec<[f64; 24]> = smallvec![0.0; grids.len()];
             for corner in 0..8usize {
                 let side = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
                 let weight: f64 = (0..3).map(|a| if side[a] == 1 { f[a] } else { 1.0 - f[a] }).product();
@@ -159,38 +159,34 @@ impl<'a> Lookup<'a> {
                 }
             }
             let terms = || grids.iter().map(|grid| grid.term).zip(values.iter().copied());
-            let flow = self.flow(number, terms());
+            let flow = Self::flow(terms());
             let value: f64 = terms().map(|(term, value)| value * self.share(term, number, outward, flow)).sum();
             sum += DVec3::from_array(part.tint) * (part.scale * value.max(0.0));
         }
         sum.as_vec3()
     }
 
-    /// The direction in which all light but that of the sun that scattered once goes; 0 where it goes nowhere.
-    fn flow(&self, part: usize, terms: impl Iterator<Item = (Term, f64)>) -> DVec3 {
-        let first = (3.0 / (2.0 * TAU)).sqrt();
-        let sum = terms.fold(DVec3::ZERO, |sum, (term, value)| match term {
-            Term::Glow => sum + self.sunward * (value * self.baked.lobes[part] * first),
-            Term::Harmonic(1) => sum + DVec3::Y * value,
-            Term::Harmonic(2) => sum + DVec3::Z * value,
-            Term::Harmonic(3) => sum + DVec3::X * value,
-            _ => sum,
+    /// The way of the flow of light, and the mean cosine of the lobe about it.
+    fn flow(terms: impl Iterator<Item = (Term, f64)>) -> (DVec3, f64) {
+        let (flow, whole) = terms.fold((DVec3::ZERO, 0.0), |(flow, whole), (term, value)| match term {
+            Term::Flow => (flow, value),
+            Term::FlowX => (flow + DVec3::X * value, whole),
+            Term::FlowY => (flow + DVec3::Y * value, whole),
+            Term::FlowZ => (flow + DVec3::Z * value, whole),
+            _ => (flow, whole),
         });
-        sum.normalize_or_zero()
+        (flow.normalize_or_zero(), of_flow(flow.length(), whole))
     }
 
     /// What a term counts toward a direction.
-    fn share(&self, term: Term, part: usize, outward: DVec3, flow: DVec3) -> f64 {
+    fn share(&self, term: Term, part: usize, outward: DVec3, (way, mean_cosine): (DVec3, f64)) -> f64 {
         let lobe = |g: f64| henyey_greenstein(g, 0.5 * (self.sunward - outward).length_squared());
         match term {
             Term::Light => 1.0,
             Term::Sunlight => lobe(self.baked.mean_cosine),
             Term::Glow => lobe(self.baked.lobes[part]),
-            Term::Flow => {
-                let (h, c) = (self.baked.lobes[part], flow.dot(outward));
-                let second = if self.baked.bake == Bake::Sh2 { 2.5 * h * h * (3.0 * c * c - 1.0) } else { 0.0 };
-                henyey_greenstein(h, 1.0 - c) - (1.0 + 3.0 * h * c + second) / (2.0 * TAU)
-            }
+            Term::Flow => henyey_greenstein(mean_cosine, 1.0 - way.dot(outward)),
+            Term::FlowX | Term::FlowY | Term::FlowZ => 0.0,
             Term::Harmonic(i) => f64::from(crate::integrate::harmonics(outward.as_vec3())[i]),
         }
     }

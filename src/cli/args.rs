@@ -132,7 +132,7 @@ pub struct Run {
     #[arg(long, value_enum, value_delimiter = ',', default_value = "density")]
     pub grids: Vec<GridArgument>,
     /// Light that goes into the VDB beside the density, so that Blender shows all scattering at once: what goes toward the
-    /// camera (view), its mean over all directions (isotropic), or all directions by harmonics up to degree 1 or 2
+    /// camera (view), its mean over all directions (isotropic), or all directions by harmonics up to degree 1 or 3
     #[arg(long, value_enum, default_value_t = BakeArgument::None)]
     pub bake: BakeArgument,
     /// Do not compare baked light with the path tracer's pictures: seconds saved for each frame of a sequence
@@ -354,7 +354,7 @@ pub enum BakeArgument {
     Isotropic,
     /// any view: the sun's peaks, the rest by harmonics up to degree 1
     Sh1,
-    /// the same up to degree 2
+    /// the same up to degree 3
     Sh2,
 }
 

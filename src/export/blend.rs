@@ -110,6 +110,9 @@ fn light(baked: &Baked) -> Value {
                 Term::Sunlight => "sunlight".to_string(),
                 Term::Glow => "glow".to_string(),
                 Term::Flow => "flow".to_string(),
+                Term::FlowX => "flowx".to_string(),
+                Term::FlowY => "flowy".to_string(),
+                Term::FlowZ => "flowz".to_string(),
                 Term::Harmonic(i) => i.to_string(),
             };
             grids.insert(key, grid.name.clone().into());

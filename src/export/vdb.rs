@@ -71,11 +71,15 @@ fn of_light(baked: &Baked, grid: &LightGrid) -> Vec<(String, Meta)> {
     let (means, own) = match grid.term {
         Term::Light => ("what goes toward the viewer".into(), None),
         Term::Sunlight => ("sunlight that scatters once: times the phase function of mean cosine g".into(), Some(baked.mean_cosine)),
-        Term::Glow => ("a lobe about the sun's light: times the phase function of mean cosine g".into(), Some(baked.lobes[grid.part])),
-        Term::Flow => (
-            "a lobe about the flow of light: times the phase function of mean cosine g less the degrees of the harmonics".into(),
+        Term::Glow => (
+            "what scattered twice, a lobe about the sun's light: times the phase function of mean cosine g".into(),
             Some(baked.lobes[grid.part]),
         ),
+        Term::Flow => (
+            "what scattered three or four times, a lobe about its flow: times the phase function of mean cosine |flow| / flow".into(),
+            None,
+        ),
+        Term::FlowX | Term::FlowY | Term::FlowZ => ("that flow along an axis, of the vector (flow_x, flow_y, flow_z)".into(), None),
         Term::Harmonic(i) => (format!("the coefficient of real spherical harmonic {i}"), None),
     };
     let mut all = vec![

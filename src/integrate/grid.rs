@@ -19,7 +19,9 @@ mod field;
 mod fit;
 mod frame;
 mod glow;
+mod lobes;
 mod orders;
+mod plain;
 mod source;
 mod space;
 mod sums;
@@ -45,6 +47,7 @@ use cast::Cast;
 use field::{Field, Found, Request};
 use glam::{DVec3, Vec3};
 use glow::Glow;
+pub use lobes::of_flow;
 use orders::Orders;
 pub use source::{Kept, Light, Part, SourceFunction, SourceSettings};
 use std::borrow::Cow;
@@ -64,7 +67,7 @@ const COARSER: f64 = 2.0;
 const FEWER: u64 = 4;
 const FIRST: u64 = 1 << 40;
 /// All directions.
-const ALL: Basis = Basis::Around { degree: 2, axis: None };
+const ALL: Basis = Basis::Around { degree: 2 };
 
 /// The scene, compiled for one camera.
 #[derive(Debug)]

@@ -24,7 +24,7 @@ use crate::rng::{Rng, Stage};
 use crate::scene::{Camera, Scene};
 pub use emission::{Emitted, render_emission};
 use glam::DVec3;
-pub use grid::{Kept, Light, Part, SourceFunction, SourceSettings, harmonics};
+pub use grid::{Kept, Light, Part, SourceFunction, SourceSettings, harmonics, of_flow};
 use lens::Lens;
 use photon::{Lighting, PhotonSettings};
 pub use ready::Ready;

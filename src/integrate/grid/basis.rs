@@ -8,6 +8,10 @@ use glam::Vec3;
 
 /// Real spherical harmonics of degrees 0 to 3.
 pub const HARMONICS: usize = 16;
+/// Phase functions with a mean cosine nearer to 0 have no peak worth aiming with.
+const PEAKED: f64 = 0.3;
+/// How many flights are aimed at the camera, per collision.
+const ASIDE: f32 = 0.3;
 /// The degree of each.
 pub(super) const DEGREE: [usize; HARMONICS] = [0, 1, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3];
 
@@ -23,14 +27,10 @@ pub(super) enum Basis {
         /// Those of the media that pass for the scene's, where there are any.
         wide: Vec<Lobe>,
     },
-    /// Any: radiance by harmonics of its direction of travel, of all degrees up to one of 0 to 2. A phase function of mean cosine g
-    /// scatters degree l by g^l. With an axis, those of the next degree too, and after them the Legendre moment of the one after that about
-    /// the axis: how far light is peaked there.
-    Around { degree: usize, axis: Option<Vec3> },
+    /// Any: radiance by harmonics of its direction of travel, of all degrees up to one of 0 to 3. A phase function of mean cosine g
+    /// scatters degree l by g^l.
+    Around { degree: usize },
 }
-
-/// The most numbers that [`Basis::Around`] has.
-pub(super) const AROUND: usize = HARMONICS + 1;
 
 impl Basis {
     /// For a camera at `eye`, that sees light through the scene's media or through similar ones, as far from them as [`Similar::to`] says: then what scatters in the scene's own is worth
@@ -50,8 +50,7 @@ impl Basis {
     pub fn len(&self) -> usize {
         match self {
             Basis::View { lobes, .. } => lobes.len(),
-            Basis::Around { degree, axis: None } => (degree + 1).pow(2),
-            Basis::Around { degree, axis: Some(_) } => (degree + 2).pow(2) + 1,
+            Basis::Around { degree } => (degree + 1).pow(2),
         }
     }
 
@@ -73,14 +72,14 @@ impl Basis {
                     visit(number, lobe.toward(outward).value(direction));
                 }
             }
-            Basis::Around { degree, axis } => {
-                let count = (degree + if axis.is_some() { 2 } else { 1 }).pow(2);
-                harmonics(direction).into_iter().take(count).enumerate().for_each(|(number, y)| visit(number, y));
-                if let Some(axis) = axis {
-                    visit(count, legendre(degree + 2, direction.dot(*axis)));
-                }
-            }
+            Basis::Around { .. } => harmonics(direction).into_iter().take(self.len()).enumerate().for_each(|(number, y)| visit(number, y)),
         }
+    }
+
+    /// The same, where it does not depend on the place.
+    #[inline]
+    pub fn of_direction(&self, direction: Vec3) -> Option<[f32; HARMONICS]> {
+        matches!(self, Basis::Around { .. }).then(|| harmonics(direction))
     }
 
     /// What each counts in the light that a phase function of mean cosine `g` scatters into `outward`.
@@ -88,7 +87,7 @@ impl Basis {
     pub fn shares(&self, g: f64, outward: Vec3, mut visit: impl FnMut(usize, f32)) {
         match self {
             Basis::View { cosines, .. } => visit(cosines.iter().position(|&c| c == g).unwrap_or(0), 1.0),
-            Basis::Around { degree, .. } => {
+            Basis::Around { degree } => {
                 let g = g as f32;
                 for (number, y) in harmonics(outward).into_iter().take((degree + 1).pow(2)).enumerate() {
                     visit(number, y * g.powi(DEGREE[number] as i32));
@@ -97,34 +96,42 @@ impl Basis {
         }
     }
 
+    /// Most of what a photon sends toward the camera it sends when it happens to fly there, seldom and much at once. So now and then
+    /// a flight begins toward the camera by the phase function of the scattering that is to follow, and shares with the photon's
+    /// own by the balance heuristic: what either could find is bounded by the other. The direction, and the flight's part of the power.
+    #[inline]
+    pub fn aside(&self, p: Vec3, before: Vec3, phase: Phase, rng: &mut Rng) -> Option<(Vec3, f64)> {
+        if phase.g.abs() < PEAKED || !matches!(self, Basis::View { .. }) || rng.uniform_f32() >= ASIDE {
+            return None;
+        }
+        let direction = self.toward(p, phase, rng)?;
+        Some((direction, self.own(p, before, direction, phase).into()))
+    }
+
+    /// The part of a photon's power that is left to its own flight.
+    #[inline]
+    pub fn share(&self, p: Vec3, before: Vec3, direction: Vec3, phase: Phase) -> f64 {
+        if phase.g.abs() < PEAKED { 1.0 } else { self.own(p, before, direction, phase).into() }
+    }
+
     /// A direction toward the camera, by a phase function around it.
     #[inline]
-    pub fn toward(&self, p: Vec3, phase: Phase, rng: &mut Rng) -> Option<Vec3> {
+    fn toward(&self, p: Vec3, phase: Phase, rng: &mut Rng) -> Option<Vec3> {
         let Basis::View { eye, .. } = self else { return None };
         let (cos, sin) = phase.sample(rng);
         Some(around((*eye - p).try_normalize()?, cos as f32, sin as f32, rng.uniform_f32()))
     }
 
     /// Of light scattered from `before` into `direction` at `p`, the part that belongs to the phase function's own sampling, where
-    /// directions are drawn by [`Basis::toward`] too, `aside` times as often (the balance heuristic; Veach 1997, 9.2).
+    /// directions are drawn by [`Basis::toward`] too, [`ASIDE`] times as often (the balance heuristic; Veach 1997, 9.2).
     #[inline]
-    pub fn own(&self, p: Vec3, before: Vec3, direction: Vec3, phase: Phase, aside: f32) -> f32 {
+    fn own(&self, p: Vec3, before: Vec3, direction: Vec3, phase: Phase) -> f32 {
         let Basis::View { eye, .. } = self else { return 1.0 };
         let Some(outward) = (*eye - p).try_normalize() else { return 1.0 };
         let lobe = Lobe::of(phase, before);
         let own = lobe.value(direction);
-        own / (own + aside * lobe.toward(outward).value(direction))
+        own / (own + ASIDE * lobe.toward(outward).value(direction))
     }
-}
-
-/// The Legendre polynomial of a degree from 1 on, by Bonnet's recurrence.
-pub(super) fn legendre(degree: usize, c: f32) -> f32 {
-    let (mut before, mut here) = (1.0, c);
-    for l in 1..degree {
-        let l = l as f32;
-        (before, here) = (here, ((2.0 * l + 1.0) * c * here - l * before) / (l + 1.0));
-    }
-    here
 }
 
 /// The real spherical harmonics of degrees 0 to 3, orthonormal, in a direction of unit length.

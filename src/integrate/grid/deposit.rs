@@ -16,15 +16,11 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Points along a flight are so many mean free paths apart, or a voxel where that is more.
-const SPACING: f64 = 1.0;
+pub(super) const SPACING: f64 = 1.0;
 /// And so many times as far in similar media, whose free paths are longer.
 const WIDER: f32 = 2.0;
-/// Phase functions with a mean cosine nearer to 0 have no peak worth aiming with.
-const PEAKED: f64 = 0.3;
-/// How many flights are aimed at the camera, per collision.
-const ASIDE: f32 = 0.3;
 /// Sums are of whole numbers, of which the strongest photon in the phase function's peak is 2^36: the same in whatever order.
-const WHOLE: f64 = (1u64 << 36) as f64;
+pub(super) const WHOLE: f64 = (1u64 << 36) as f64;
 
 /// What photons have left: by class, of each voxel and number of the basis, what they brought to the medium there, over the whole voxel,
 /// as a sum.
@@ -88,14 +84,14 @@ pub(super) fn gather(
 
 /// How much of a voxel is medium.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Held {
+pub(super) enum Held {
     Nothing,
     Part,
     All,
 }
 
 impl Held {
-    fn of(share: f32) -> Self {
+    pub(super) fn of(share: f32) -> Self {
         match share {
             ..=0.0 => Held::Nothing,
             1.0.. => Held::All,
@@ -170,20 +166,13 @@ impl Witness for Deposits<'_> {
         });
     }
 
-    /// Most of what a photon sends toward the camera it sends when it happens to fly there, seldom and much at once. So now and then
-    /// a flight begins toward the camera by the phase function of the scattering that is to follow, and shares with the photon's
-    /// own by the balance heuristic: what either could find is bounded by the other.
     #[inline]
     fn aside(&self, p: Vec3, before: Vec3, phase: Phase, rng: &mut Rng) -> Option<(Vec3, f64)> {
-        if phase.g.abs() < PEAKED || !matches!(self.basis, Basis::View { .. }) || rng.uniform_f32() >= ASIDE {
-            return None;
-        }
-        let direction = self.basis.toward(p, phase, rng)?;
-        Some((direction, self.basis.own(p, before, direction, phase, ASIDE).into()))
+        self.basis.aside(p, before, phase, rng)
     }
 
     #[inline]
     fn share(&self, p: Vec3, before: Vec3, direction: Vec3, phase: Phase) -> f64 {
-        if phase.g.abs() < PEAKED { 1.0 } else { self.basis.own(p, before, direction, phase, ASIDE).into() }
+        self.basis.share(p, before, direction, phase)
     }
 }

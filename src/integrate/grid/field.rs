@@ -6,7 +6,7 @@
 //! that fits it ([`super::fit`]), and rays look the sum up. What smoothing costs is told by the comparison with
 //! [`crate::integrate::Integrator::Path`].
 
-use super::basis::{Basis, harmonics};
+use super::basis::Basis;
 use super::deposit::{Gathered, gather};
 use super::fit::{Fit, needed};
 use super::orders::Orders;
@@ -19,7 +19,6 @@ use crate::progress::Progress;
 use crate::scene::{Scene, medium::luminance};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use std::f64::consts::PI;
 
 /// What each group of photons brings, W m^-2 sr^-1.
 pub(super) type Groups = [f32; GROUPS];
@@ -198,44 +197,6 @@ impl Field {
                 into.doubt += of_grey * part * self.doubt[place];
             });
         }
-    }
-
-    /// Adds the light at `p`, per unit of optical depth and of albedo, to each number of the basis; `false` where there is none near.
-    pub(super) fn numbers(&self, p: Vec3, into: &mut [f32]) -> bool {
-        let (numbers, mut whole) = (self.basis.len(), 0.0f32);
-        self.space.frame.around(p, |voxel, weight| whole += if self.lit[voxel] { weight } else { 0.0 });
-        if whole <= 0.0 {
-            return false;
-        }
-        self.space.frame.around(p, |voxel, weight| {
-            if self.lit[voxel] {
-                let light = &self.light[voxel * numbers..][..numbers];
-                into.iter_mut().zip(light).for_each(|(sum, groups)| *sum += weight / whole * groups.iter().sum::<f32>());
-            }
-        });
-        true
-    }
-
-    /// What scattering with mean cosine `g` at `p` sends into `outward`, times `share`.
-    pub(super) fn toward(&self, p: Vec3, outward: Vec3, g: f64, share: f32) -> f32 {
-        let mut found = Found::default();
-        self.scattered(p, outward, g, Vec3::splat(share), &mut found);
-        found.groups.iter().sum()
-    }
-
-    /// The mean cosine of a Henyey-Greenstein lobe about the axis of the basis whose moments are in the ratio that those beyond the
-    /// harmonics have over all light, scattered once more with mean cosine `g`; `None` without an axis, or without a peak.
-    pub(super) fn lobe(&self, g: f64) -> Option<f64> {
-        let Basis::Around { degree, axis: Some(axis) } = self.basis else { return None };
-        let sum = |number: usize| {
-            let each = self.light.iter().skip(number).step_by(self.basis.len()).zip(&self.lit);
-            each.filter(|(_, lit)| **lit).flat_map(|(groups, _)| groups).map(|&l| f64::from(l)).sum::<f64>()
-        };
-        let (first, end) = ((degree + 1).pow(2), (degree + 2).pow(2));
-        let about = harmonics(axis);
-        let one = (first..end).map(|i| sum(i) * f64::from(about[i])).sum::<f64>() * 4.0 * PI / (end - first) as f64;
-        let next = sum(end);
-        (one > 0.0 && next > 0.0).then(|| g * next / one)
     }
 
     /// Voxels.

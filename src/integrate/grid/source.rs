@@ -1,9 +1,10 @@
 //! The source function: what the medium at a point sends out, per unit of optical depth. It is what a bake keeps.
 
-use super::BYTES;
-use super::basis::{AROUND, Basis, DEGREE, HARMONICS, harmonics, legendre};
-use super::field::{Field, Request};
+use super::basis::{Basis, HARMONICS};
+use super::field::Request;
+use super::lobes::{LOBES, Sunlight};
 use super::orders::Orders;
+use super::plain::{APART, NARROWER, Plain};
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::integrate::path::PathTracer;
@@ -21,15 +22,16 @@ use std::f64::consts::PI;
 
 /// Phase functions with a mean cosine below this leave no light that is peaked about the sun's once it has scattered twice.
 const PEAKED: f64 = 0.3;
-/// The mean cosine of the lobe about the sun is within these.
-const LOBE: [f64; 2] = [0.05, 0.9];
+
+/// Numbers of a place in a field, at most, but for cameras that see many phase functions.
+const NUMBERS: usize = HARMONICS + 4 * APART;
 
 /// What of the directions of light is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kept {
     /// What goes toward a point, in the world (m).
     Toward(DVec3),
-    /// Harmonics of degrees 0 to 2 at most.
+    /// Harmonics of degrees 0 to 3 at most, and lobes.
     Around {
         /// The largest degree.
         degree: usize,
@@ -91,11 +93,11 @@ pub struct SourceFunction {
 struct Followed {
     tracer: PathTracer,
     photons: Tracer,
-    field: Option<Field>,
+    field: Option<Plain>,
     /// The sun's irradiance, W m^-2, and the direction in which its light travels.
     irradiance: f64,
     sunward: Vec3,
-    /// The mean cosine of the lobe about the sun's light of what has scattered more than once; 0 where there is none.
+    /// The mean cosine of the lobe about the sun's light of what has scattered twice; 0 where there is none.
     lobe: f64,
 }
 
@@ -153,15 +155,15 @@ impl SourceFunction {
             let sunward = part.sun.direction.normalize().as_vec3();
             let basis = match kept {
                 Kept::Toward(eye) => Basis::view(&part, (eye - origin).as_vec3(), None),
-                Kept::Around { degree } => {
-                    Basis::Around { degree, axis: (degree > 0 && shines && mean_cosine > PEAKED).then_some(sunward) }
-                }
+                Kept::Around { degree } => Basis::Around { degree },
             };
-            let mut followed = Followed { tracer, photons, field: None, irradiance, sunward, lobe: 0.0 };
+            let peaked = matches!(basis, Basis::Around { degree: 1.. }) && shines && mean_cosine > PEAKED;
+            let lobe = if peaked { mean_cosine.powi(2) } else { 0.0 };
+            let mut followed = Followed { tracer, photons, field: None, irradiance, sunward, lobe };
             if !part.regions.is_empty() && followed.photons.strongest() > 0.0 {
                 let media = &followed.tracer.bands[0].media;
                 let share = settings.photons / count as u64;
-                let voxels = (settings.memory / (BYTES * basis.len() as u64)).min(share.max(super::LEAST_VOXELS)) as usize;
+                let voxels = Plain::room(&basis, settings.memory).min(share.max(super::LEAST_VOXELS)) as usize;
                 let seen = |_| true;
                 let orders = Orders::own();
                 let request = Request {
@@ -174,12 +176,9 @@ impl SourceFunction {
                     first: 0,
                     seed: settings.seed,
                     voxels,
-                    coarser: 1.0,
+                    coarser: NARROWER,
                 };
-                let mut field = Field::new(request);
-                field.brighten((&followed.photons, media), share, progress)?;
-                followed.lobe = field.lobe(mean_cosine).map_or(0.0, |lobe| lobe.clamp(LOBE[0], LOBE[1]));
-                followed.field = Some(field);
+                followed.field = Some(Plain::new(request, &followed.photons, share, progress)?);
             }
             let light = match (count, number) {
                 (1, _) => Light::All,
@@ -213,27 +212,35 @@ impl SourceFunction {
 
     /// Photons that were followed.
     pub fn photons(&self) -> u64 {
-        self.lights.iter().filter_map(|(_, f)| f.field.as_ref()).map(Field::photons).sum()
+        self.lights.iter().filter_map(|(_, f)| f.field.as_ref()).map(Plain::photons).sum()
     }
 
     /// Numbers that a part has at a point: one toward a point; else the sunlight that arrives and scatters, the lobe about it, that about
-    /// the flow, and the harmonics.
+    /// the flow, the flow along x, y and z, and the harmonics.
     pub fn numbers(&self) -> usize {
         match self.kept {
             Kept::Toward(_) => 1,
-            Kept::Around { degree } => 3 + (degree + 1).pow(2),
+            Kept::Around { degree } => LOBES + (degree + 1).pow(2),
         }
     }
 
     /// A part's numbers at a point of the world, in units of its scale. Gives the extinction there, 1/m; where it is 0, nothing is said.
     pub fn at(&self, part: usize, p: DVec3, scratch: &mut Scratch, into: &mut [f32]) -> f64 {
+        self.beside(part, (p, p), scratch, into)
+    }
+
+    /// The same beside the medium, as if that of `inside` reached there; if a surface is between, of `inside` itself.
+    pub fn beside(&self, part: usize, (p, inside): (DVec3, DVec3), scratch: &mut Scratch, into: &mut [f32]) -> f64 {
         let (Part { scale, .. }, followed) = &self.lights[part];
         let band = &followed.tracer.bands[0];
-        let p = (p - self.origin).as_vec3();
+        let (mut p, inside) = ((p - self.origin).as_vec3(), (inside - self.origin).as_vec3());
+        if followed.walled(inside, p) {
+            p = inside;
+        }
         // Of each region there: its share of the extinction, and its albedo and mean cosine.
         let mut here: SmallVec<[(f64, f64, f64); 4]> = SmallVec::new();
         let mut whole = 0.0;
-        band.media.regions_at(p, |region, sigma_t| {
+        band.media.regions_at(inside, |region, sigma_t| {
             let optics = band.media.optics(region);
             here.push((sigma_t, optics.albedo, optics.g));
             whole += sigma_t;
@@ -244,6 +251,11 @@ impl SourceFunction {
         here.iter_mut().for_each(|region| region.0 /= whole);
         into.fill(0.0);
         let clear = followed.clear(p, scratch);
+        let mut light: SmallVec<[f32; NUMBERS]> = SmallVec::new();
+        let found = followed.field.as_ref().is_some_and(|field| {
+            light.resize(field.numbers(), 0.0);
+            field.at(p, &mut light) || field.at(inside, &mut light)
+        });
         match self.kept {
             Kept::Toward(eye) => {
                 let outward = ((eye - self.origin).as_vec3() - p).normalize_or_zero();
@@ -251,61 +263,30 @@ impl SourceFunction {
                 let mut sum = 0.0;
                 for &(share, albedo, g) in &here {
                     sum += share * albedo * clear * followed.irradiance * henyey_greenstein(g, turn);
-                    if let Some(field) = &followed.field {
-                        sum += f64::from(field.toward(p, outward, g, (share * albedo) as f32));
+                    if let Some(field) = followed.field.as_ref().filter(|_| found) {
+                        sum += share * albedo * f64::from(field.toward(&light, g));
                     }
                 }
                 into[0] = (sum / scale) as f32;
             }
-            Kept::Around { degree } => self.around(degree, followed, p, clear, &here, *scale, into),
-        }
-        whole
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn around(&self, degree: usize, followed: &Followed, p: Vec3, clear: f64, here: &[(f64, f64, f64)], scale: f64, into: &mut [f32]) {
-        let lobe = followed.lobe;
-        let (count, end) = ((degree + 1).pow(2), if lobe > 0.0 { (degree + 2).pow(2) } else { (degree + 1).pow(2) });
-        let along = harmonics(followed.sunward);
-        let mut light = [0.0f32; AROUND];
-        let found = followed.field.as_ref().is_some_and(|field| field.numbers(p, &mut light[..]));
-        let mut sun = 0.0;
-        let mut out = [0.0f64; HARMONICS];
-        for &(share, albedo, g) in here {
-            let once = share * albedo * clear * followed.irradiance;
-            sun += once;
-            for i in 0..end {
-                let l = DEGREE[i] as i32;
-                // Sunlight scattered once goes by the mean cosine of all; what the region's own differs by is in the harmonics.
-                out[i] += once * (g.powi(l) - self.mean_cosine.powi(l)) * f64::from(along[i]);
-                if found {
-                    out[i] += share * albedo * g.powi(l) * f64::from(light[i]);
-                }
+            Kept::Around { .. } => {
+                let Followed { irradiance, sunward, lobe, .. } = *followed;
+                let sunlight = Sunlight { way: sunward, arrives: clear * irradiance, mean_cosine: self.mean_cosine, lobe };
+                sunlight.with_others(&here, found.then_some(&light[..]), *scale, into);
             }
         }
-        // The lobe about the sun has the moment beyond the harmonics that the light has there, that about the flow what is left of it
-        // along the flow.
-        let (mut glow, mut flow) = (0.0, 0.0);
-        if end > count {
-            let axis = DVec3::new(out[3], out[1], out[2]).normalize_or_zero().as_vec3();
-            let about = harmonics(axis);
-            let moment = |axis: &[f32; HARMONICS]| (count..end).map(|i| out[i] * f64::from(axis[i])).sum::<f64>();
-            let whole = 4.0 * PI / (end - count) as f64 / lobe.powi(degree as i32 + 1);
-            glow = whole * moment(&along);
-            flow = whole * moment(&about) - glow * f64::from(legendre(degree + 1, followed.sunward.dot(axis)));
-        }
-        // The harmonics have the rest of what the lobe about the sun does not have; that about the flow has none of their degrees.
-        for i in 0..count {
-            let own = glow * lobe.powi(DEGREE[i] as i32) * f64::from(along[i]);
-            into[3 + i] = ((out[i] - own) / scale) as f32;
-        }
-        into[0] = (sun / scale) as f32;
-        into[1] = (glow / scale) as f32;
-        into[2] = (flow / scale) as f32;
+        whole
     }
 }
 
 impl Followed {
+    /// Whether a surface is between two points.
+    fn walled(&self, from: Vec3, to: Vec3) -> bool {
+        let way = to - from;
+        let (reach, surfaces) = (way.length(), &self.tracer.surfaces);
+        reach > 0.0 && !surfaces.is_empty() && surfaces.nearest(&Ray { origin: from, direction: way / reach }, reach).is_some()
+    }
+
     /// The share of sunlight that arrives at a point.
     fn clear(&self, p: Vec3, scratch: &mut Scratch) -> f64 {
         if self.irradiance <= 0.0 {
