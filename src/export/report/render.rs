@@ -142,6 +142,7 @@ impl Render {
             n => format!("; {n} paths cut after very many collisions"),
         };
         let lit = self.photons.map_or(String::new(), |p| match p.voxels {
+            0 if p.stored == 0 => String::new(),
             0 => format!("lit by    {} stored photons, {} in an estimate\n", p.stored, p.estimate),
             _ => format!("lit by    {} photons in {} voxels\n", p.emitted, p.voxels),
         });
