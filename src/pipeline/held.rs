@@ -10,7 +10,7 @@ use crate::room;
 
 /// What a stored photon takes, bytes: itself, and at most so much of the trees that photons are looked for in; an
 /// eighth of them is there twice. Peaks of 1M and of 6M to 24M photons differ by 41.4 bytes a photon (duality of one region), 28 (of 21,
-/// whose trees stand one after another); those of 2M and of 6M by PEAK (picture).
+/// whose trees stand one after another); those of 2M and of 6M by 45.9 (picture).
 const EACH: u64 = size_of::<Photon>() as u64 + 23;
 
 /// Refuses more photons than there is memory for on this rank; with a `picture`, also those that it stores.

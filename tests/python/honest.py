@@ -78,7 +78,7 @@ class Truth:
         return math.sqrt(max(((image - self.a) * (image - self.b))[self.lit].mean(), 0.0)) / self.level
 
 
-WORK = {"path": ("--spp", 256), "grid": ("--photons", "200k", "--spp", 16),
+WORK = {"path": ("--spp", 1024), "grid": ("--photons", "200k", "--spp", 16),
         "photon": ("--photons", "200k", "--spp", 16)}
 
 
