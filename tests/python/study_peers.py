@@ -40,6 +40,8 @@ def main():
     parser.add_argument("--reference", type=int, default=768)
     parser.add_argument("--quick", action="store_true", help="fewer settings and seeds of ours")
     options = parser.parse_args()
+    # Grids are written from another folder.
+    options.folder = options.folder.resolve()
     others = options.folder / "others"
     others.mkdir(parents=True, exist_ok=True)
     scene = speed.scene(others, width=160, height=120)
