@@ -228,7 +228,7 @@ impl Run {
         }
         if (self.error.is_some() || self.time.is_some()) && self.integrator == Some(IntegratorArgument::Photon) {
             return usage(
-                "--error and --time: what stored photons blur is in no stated error: use --integrator grid or path, or --photons and --estimate",
+                "--error and --time: which photons and --estimate reach an error is not known beforehand: use --integrator grid or path, or --photons and --estimate",
             );
         }
         if self.picture_photons.is_some_and(|n| !(1..=u64::from(u32::MAX)).contains(&n)) {

@@ -21,6 +21,7 @@ use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::sampling::cosine_hemisphere;
+use crate::scene::medium::luminance;
 use crate::scene::{Medium, Region, Scene, Sun, Surface};
 use crate::trimesh::Hit;
 use beam::Beams;
@@ -90,7 +91,7 @@ pub struct Lighting {
     pub voxels: u64,
 }
 
-/// Neighbourhoods that a tile keeps of each channel.
+/// Neighbourhoods that a tile keeps of each channel, and of its wider looks.
 const HOODS: usize = 64;
 /// Beyond this optical depth nothing is seen of flames.
 const OPAQUE: f64 = 14.0;
@@ -137,12 +138,14 @@ pub(super) struct Room {
     hoods: Vec<Neighbourhood>,
     before: Profile,
     own: Profile,
+    /// Whether photons are to be looked for twice as wide too.
+    wider: bool,
 }
 
 impl Room {
-    /// The neighbourhood of a channel's slice of the march of that number: rays of a tile find theirs close together.
-    fn neighbourhood(&mut self, channel: usize, slice: usize) -> &mut Neighbourhood {
-        let i = channel * HOODS + slice % HOODS;
+    /// The neighbourhood of a slice of that number of one of the marches: rays of a tile find theirs close together.
+    fn neighbourhood(&mut self, march: usize, slice: usize) -> &mut Neighbourhood {
+        let i = march * HOODS + slice % HOODS;
         if self.hoods.len() <= i {
             self.hoods.resize_with(i + 1, Neighbourhood::default);
         }
@@ -343,6 +346,10 @@ impl Channel {
         for (sum, group) in arrival.groups.iter_mut().zip(stretch.groups) {
             *sum += share * self.tint * group as f32;
         }
+        let grey = luminance((share * self.tint).as_dvec3().to_array());
+        for (sum, wider) in arrival.wider.iter_mut().zip(stretch.wider) {
+            *sum += (grey * wider) as f32;
+        }
         arrival.collisions += stretch.gathered;
     }
 
@@ -366,6 +373,12 @@ impl Channel {
 
 impl Transport for PhotonTracer {
     type Room = Room;
+
+    const BLURS: bool = true;
+
+    fn widen(room: &mut Room, wider: bool) {
+        room.wider = wider;
+    }
 
     fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
         let mut whole = Arrival::default();

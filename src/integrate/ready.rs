@@ -81,11 +81,14 @@ impl<'a> Ready<'a> {
     pub fn expose(&mut self, spp: u32, progress: &dyn Progress) -> Result<Rendering> {
         self.settings.spp = spp;
         let (scene, camera, settings) = (self.scene, self.camera, &self.settings);
-        let rendering = match &self.way {
+        let mut rendering = match &self.way {
             Way::Path(tracer) => expose(&**tracer, tracer.origin, scene, camera, settings, progress),
             Way::Photon(tracer) => expose(&**tracer, tracer.origin, scene, camera, settings, progress),
             Way::Grid(tracer) => expose(&**tracer, tracer.origin, scene, camera, settings, progress),
         }?;
+        if matches!(self.way, Way::Photon(_)) {
+            rendering.film.spread_blur();
+        }
         Ok(Rendering { photons: self.lighting(), ..rendering })
     }
 }

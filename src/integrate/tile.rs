@@ -15,6 +15,9 @@ const CLEAR: u32 = 8;
 /// The most strata that a pixel's samples are dealt to, as a power of two.
 const MOST_STRATA: u32 = 4;
 
+/// Samples of a pixel that also look for photons twice as wide.
+const WIDER: u32 = 4;
+
 /// How a path reached the camera: the layer that its light belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Layer {
@@ -49,6 +52,8 @@ pub(super) struct Arrival {
     pub groups: [Vec3; GROUPS],
     /// By how much what photons have brought may be off for another reason than noise.
     pub doubt: Vec3,
+    /// What of each group would differ, in luminance, had its photons been looked for twice as wide; where that was asked.
+    pub wider: [f32; GROUPS],
     /// The mean distance to the first event, m, times the chance of one; and that chance.
     pub depth: (f64, f64),
     pub collisions: u64,
@@ -71,6 +76,10 @@ impl Arrival {
             *sum += light * tint;
         }
         self.doubt += other.doubt * tint;
+        let grey = luminance(tint.as_dvec3().to_array()) as f32;
+        for (sum, wider) in self.wider.iter_mut().zip(other.wider) {
+            *sum += wider * grey;
+        }
     }
 
     /// Adds what another channel brings, tinted, without stored photons.
@@ -94,6 +103,13 @@ pub(super) trait Transport: Sync {
 
     /// Whether stored photons bring light.
     const STORED: bool = true;
+
+    /// Whether stored photons blur: then some samples are asked what twice as wide a look would find, and each pixel's
+    /// [`Pixel::bias`] is for [`crate::film::Film::spread_blur`].
+    const BLURS: bool = false;
+
+    /// Says whether the next ray is to be looked at twice as wide too.
+    fn widen(_room: &mut Self::Room, _wider: bool) {}
 
     /// What arrives along a camera ray.
     fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Self::Room) -> Arrival;
@@ -161,6 +177,7 @@ impl<Room> Tile<Room> {
         let (mut photons, mut doubt) = (Photons::default(), DVec3::ZERO);
         let (mut depth, mut events) = (0.0f64, 0.0f64);
         let (mut through, mut opaque) = (0.0f64, 0u32);
+        let (mut blur, every) = (Blur::default(), (spp / WIDER).max(1));
         for sample in 0..spp {
             if sample % 64 == 63 && progress.cancelled() {
                 break;
@@ -173,7 +190,14 @@ impl<Room> Tile<Room> {
                 let (share, surface) = transport.clear(&view, &mut self.room);
                 (through, opaque) = (through + share, opaque + u32::from(surface));
             }
+            let wider = T::BLURS && sample.is_multiple_of(every);
+            if T::BLURS {
+                T::widen(&mut self.room, wider);
+            }
             let arrival = transport.arrival(&view, rng, &mut self.room);
+            if wider {
+                blur.add(&arrival.wider);
+            }
             let mut sum = DVec3::ZERO;
             for (layer, arrived) in light.iter_mut().zip(arrival.light) {
                 *layer += arrived.as_dvec3();
@@ -210,7 +234,7 @@ impl<Room> Tile<Room> {
             // One sample does not know its error.
             standard_error: if spp > 1 { DVec3::from_array(error).as_vec3().to_array() } else { [f32::INFINITY; 3] },
             photon_noise: luminance(of_photons.max(DVec3::ZERO).to_array().map(f64::sqrt)) as f32,
-            bias: luminance((doubt / n).abs().to_array()) as f32,
+            bias: if T::BLURS { blur.square() } else { luminance((doubt / n).abs().to_array()) as f32 },
             transmittance: (through / clear) as f32,
             opaque: (f64::from(opaque) / clear) as f32,
             depth: if events > 0.0 { (depth / events) as f32 } else { NOTHING },
@@ -241,6 +265,37 @@ impl Photons {
         let groups = GROUPS as f64;
         let between = apart(&self.sums) - self.within;
         between * (groups / (groups - 1.0)) / (n * (n - 1.0).max(1.0))
+    }
+}
+
+/// By how much light differs where photons are looked for twice as wide. What they blur grows with the distance within which they are
+/// found, so that it is as much.
+#[derive(Default)]
+struct Blur {
+    photons: Photons,
+    count: f64,
+    sum: f64,
+    squares: f64,
+}
+
+impl Blur {
+    fn add(&mut self, wider: &[f32; GROUPS]) {
+        self.photons.add(&wider.map(Vec3::splat));
+        let all: f64 = wider.iter().map(|&w| f64::from(w)).sum();
+        self.count += 1.0;
+        self.sum += all;
+        self.squares += all * all;
+    }
+
+    /// The square of the difference without what noise makes of it: right in the mean, and below zero now and then.
+    fn square(&self) -> f32 {
+        if self.count < 2.0 {
+            return 0.0;
+        }
+        let mean = self.sum / self.count;
+        let between = (self.squares / self.count - mean * mean).max(0.0) / (self.count - 1.0);
+        let noise = (between + self.photons.variance(self.count).x).max(0.25 * between);
+        (mean * mean - noise) as f32
     }
 }
 

@@ -99,7 +99,8 @@ pub(super) fn compare(given: &Given, job: &Job, progress: &dyn Progress) -> Resu
 impl Side {
     fn of(taken: &Taken, sunlight: Estimate, reference: &Film) -> Side {
         let render = &taken.render;
-        let relative_error = render.relative_error.unwrap_or(f64::NAN);
+        // What photons blur is no matter of how many.
+        let relative_error = render.relative_noise.unwrap_or(f64::NAN);
         let grow = (relative_error / EQUAL).powi(2);
         let mean = reference.mean();
         Side {

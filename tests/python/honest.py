@@ -1,6 +1,6 @@
 """What pictures say of their own errors, against the path tracer: coverage of the stated intervals, and where `--error` and `--time` land.
 
-    python tests/python/honest.py coverage [--seeds 20]
+    python tests/python/honest.py coverage [--seeds 20] [--integrators path photon] [--scenes 0 1 2]
     python tests/python/honest.py landing [--errors 5 2] [--times 5 15]
 
 Coverage: the share of lit pixels, of all seeds together, whose 95 % interval holds the truth; the truth's own error is counted. Landing: the
@@ -82,18 +82,22 @@ WORK = {"path": ("--spp", 1024), "grid": ("--photons", "200k", "--spp", 16),
         "photon": ("--photons", "200k", "--spp", 16)}
 
 
+def chosen(width, height, options):
+    return [pair for number, pair in enumerate(scenes(width, height).items()) if not options.scenes or number in options.scenes]
+
+
 def coverage(options, folder):
-    print(f"{'':28}" + "".join(f"{name:>10}{'off':>8}{'stated':>8}" for name in WORK))
-    for name, scene in scenes(48, 36).items():
+    print(f"{'':28}" + "".join(f"{name:>10}{'off':>8}{'stated':>8}" for name in options.integrators))
+    for name, scene in chosen(48, 36, options):
         truth = Truth(scene, folder, options.reference)
         line = f"{name:28}"
-        for integrator, work in WORK.items():
+        for integrator in options.integrators:
             if integrator == "photon" and (scene["sky"] or scene.get("haze")):
                 line += f"{'-':>10}{'':16}"
                 continue
             held, off, stated = [], [], []
             for seed in range(options.seeds):
-                image, error, said = picture(scene, folder, "--integrator", integrator, *work, "--seed", seed)
+                image, error, said = picture(scene, folder, "--integrator", integrator, *WORK[integrator], "--seed", seed)
                 quantile = said["render"]["interval_95"]
                 within = np.abs(image - truth.mean) <= np.hypot(quantile * error, 1.96 * truth.error)
                 held.append(within[truth.lit].mean())
@@ -105,7 +109,7 @@ def coverage(options, folder):
 
 def landing(options, folder):
     print(f"{'':28}{'asked':>8}{'found/asked':>13}{'stated':>8}{'seconds':>9}{'foretold':>10}")
-    for name, scene in scenes(96, 72).items():
+    for name, scene in chosen(96, 72, options):
         truth = Truth(scene, folder, options.reference)
         goals = [("--error", f"{e:g}%") for e in options.errors] + [("--time", f"{t:g}s") for t in options.times]
         for flag, goal in goals:
@@ -121,6 +125,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("coverage", "landing"))
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--integrators", nargs="+", choices=tuple(WORK), default=list(WORK))
+    parser.add_argument("--scenes", type=int, nargs="*", default=[], help="by number, from 0; all")
     parser.add_argument("--reference", type=int, default=2048, help="samples a pixel of each of the two")
     parser.add_argument("--errors", type=float, nargs="*", default=[5.0, 2.0], help="per cent")
     parser.add_argument("--times", type=float, nargs="*", default=[4.0])

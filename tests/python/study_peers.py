@@ -1,6 +1,6 @@
 """The study of the cumulus of 128^3 cells, with Cycles and Mitsuba beside it where they are installed.
 
-    python tests/python/study_peers.py out/study [--samples 16 64] [--reference 768]
+    python tests/python/study_peers.py out/study [--samples 16 64] [--reference 768] [--quick]
 
 Their seconds are those of the picture alone, the median of two seeds; ours are those of a picture in the study.
 """
@@ -38,7 +38,10 @@ def main():
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--samples", type=int, nargs="+", default=[16, 64])
     parser.add_argument("--reference", type=int, default=768)
+    parser.add_argument("--quick", action="store_true", help="fewer settings and seeds of ours")
     options = parser.parse_args()
+    # Grids are written from another folder.
+    options.folder = options.folder.resolve()
     others = options.folder / "others"
     others.mkdir(parents=True, exist_ok=True)
     scene = speed.scene(others, width=160, height=120)
@@ -52,8 +55,9 @@ def main():
                 write(path, shots.images[0])
                 seconds.write_text(f"{statistics.median(shots.seconds):.2f}")
             against += ["--against", f"{path}:{seconds.read_text()}:{name}, {samples}"]
-    subprocess.run([str(command.binary()), "study", scene["vdb"], "-o", str(options.folder), "--reference", str(options.reference),
-                    *peers.flags(scene), *against], check=True, env=command.environment())
+    quick = ["--quick"] if options.quick else []
+    subprocess.run([str(command.binary()), "study", scene["vdb"], "-o", str(options.folder), "--reference", str(options.reference), *quick,
+                    *map(str, peers.flags(scene)), *against], check=True, env=command.environment())
 
 
 if __name__ == "__main__":

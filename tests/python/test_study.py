@@ -107,9 +107,9 @@ def test_savings_are_those_of_the_main_job(savings, tmp_path):
              "duality": picture(THREE, tmp_path / "duality.png", *settings, "duality")}
     for side, (report, png) in shown.items():
         ours, render = entry[side], report["render"]
-        assert ours["queries"] == render["collisions"] and ours["relative_error"] == render["relative_error"]
+        assert ours["queries"] == render["collisions"] and ours["relative_error"] == render["relative_noise"]
         assert ours["mean_difference"] == pytest.approx(render["mean_radiance"] / entry["reference"] - 1)
-        assert ours["queries_at_equal"] == pytest.approx(render["collisions"] * (render["relative_error"] / 0.1) ** 2)
+        assert ours["queries_at_equal"] == pytest.approx(render["collisions"] * (render["relative_noise"] / 0.1) ** 2)
         assert png == (folder / f"savings3_{side}.png").read_bytes()
     report = shown["duality"][0]
     assert entry["duality"]["regions"] == report["regions"]["synthesised"] and entry["source"]["regions"] == 3

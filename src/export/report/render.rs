@@ -48,7 +48,7 @@ pub struct Render {
     pub stages: Vec<Stage>,
     /// Camera rays a second.
     pub samples_per_second: f64,
-    /// The photons that lit it, where any did; what stored ones blur over the distances between them is in no error here.
+    /// The photons that lit it, where any did.
     pub photons: Option<Lighting>,
     /// What less error would take.
     pub forecast: Vec<Level>,
@@ -95,11 +95,12 @@ impl Render {
                 known(film.relative_bias()),
                 "what two more fits of smoothing's kernels still gave back, and what similar media are off by",
             ),
-            Integrator::Photon => (None, "what stored photons blur is not known from one picture"),
+            Integrator::Photon => (known(film.relative_bias()), "what twice as wide a look at every eighth photon changes"),
         };
         let relative_error = known(film.relative_error());
+        // As many times the photons as of them in an estimate: half the noise, as much blur.
         let four_times = |p: Lighting| Level {
-            relative_error: relative_error.unwrap_or_default() / 2.0,
+            relative_error: (known(film.relative_noise()).unwrap_or_default() / 2.0).hypot(relative_bias.unwrap_or_default()),
             seconds: 4.0 * seconds,
             photons: Some(4 * p.stored),
             spp: 4 * u64::from(settings.spp),
@@ -144,7 +145,8 @@ impl Render {
             n => format!("; {n} paths cut after very many collisions"),
         };
         let lit = self.photons.map_or(String::new(), |p| match p.voxels {
-            0 => format!("lit by    {} stored photons, {} in an estimate; what they blur is not in the error\n", p.stored, p.estimate),
+            0 if p.stored == 0 => String::new(),
+            0 => format!("lit by    {} stored photons, {} in an estimate\n", p.stored, p.estimate),
             _ => format!("lit by    {} photons in {} voxels\n", p.emitted, p.voxels),
         });
         let (width, height, spp) = (self.width, self.height, self.spp);
@@ -156,8 +158,8 @@ impl Render {
         let (Some(error), Some(noise)) = (self.relative_error, self.relative_noise) else { return String::new() };
         let bias = match (self.integrator, self.relative_bias) {
             (Integrator::Path, _) => "no bias".into(),
-            (_, Some(bias)) => format!("smoothing may be off by {}", percent(bias)),
-            (_, None) => "what stored photons blur is not in it".into(),
+            (Integrator::Photon, Some(bias)) => format!("stored photons blur by {}", percent(bias)),
+            (_, bias) => format!("smoothing may be off by {}", percent(bias.unwrap_or_default())),
         };
         let stages: Vec<String> =
             self.stages.iter().filter(|s| s.seconds >= 0.005).map(|s| format!("{} {:.2}", s.stage, s.seconds)).collect();

@@ -6,7 +6,7 @@
 //! leave it out, or to take the ball's for it, is a bias that falls as the radius and not as its square.
 
 use super::Room;
-use super::gather::Groups;
+use super::gather::{Groups, thinned};
 use crate::bvh::{Box3, Bvh};
 use crate::error::Result;
 use crate::geom::Ray;
@@ -34,6 +34,8 @@ pub(super) struct Beams {
     radii: Vec<f32>,
     bvh: Bvh,
     estimate: u64,
+    /// The same of every eighth photon: balls twice as wide.
+    wide: Option<Box<Beams>>,
 }
 
 /// A stretch of a ray in which nothing changes.
@@ -51,7 +53,12 @@ pub(super) struct Even {
 impl Beams {
     /// Over photons in the order of [`crate::photon::PhotonMap::along_curve`]; a ball's radius is the distance within which
     /// about `estimate` of them lie.
-    pub(super) fn new(mut photons: Vec<Photon>, estimate: u64, media: &Media, progress: &dyn Progress) -> Result<Self> {
+    pub(super) fn new(photons: Vec<Photon>, estimate: u64, media: &Media, progress: &dyn Progress) -> Result<Self> {
+        let wide = Beams::of(thinned(&photons), estimate, media, progress)?;
+        Ok(Beams { wide: Some(Box::new(wide)), ..Beams::of(photons, estimate, media, progress)? })
+    }
+
+    fn of(mut photons: Vec<Photon>, estimate: u64, media: &Media, progress: &dyn Progress) -> Result<Self> {
         let estimate = estimate.clamp(1, (photons.len() as u64).max(1));
         let thin = estimate.div_ceil(PILOTS).max(1);
         let pilots = Nearest::new(photons.iter().step_by(thin as usize).copied().collect(), estimate.div_ceil(thin), None);
@@ -72,7 +79,7 @@ impl Beams {
             Some(Box3 { min: min - radius, max: max + radius })
         };
         let bvh = Bvh::new(&photons.chunks(BLOCK).zip(&radii).map(around).collect::<Vec<_>>(), 2);
-        Ok(Beams { photons, radii, bvh, estimate })
+        Ok(Beams { photons, radii, bvh, estimate, wide: None })
     }
 
     /// Photons in an estimate.
@@ -80,17 +87,38 @@ impl Beams {
         self.estimate
     }
 
-    /// Adds what the photons around the first `reach` metres of a ray scatter toward its start, by groups of paths.
-    pub(super) fn along(&self, ray: &Ray, reach: f32, media: &Media, groups: &mut Groups, rng: &mut Rng, room: &mut Room) {
+    /// Adds what the photons around the first `reach` metres of a ray scatter toward its start, by groups of paths; and what of that
+    /// would differ by balls twice as wide, where the room asks for it.
+    pub(super) fn along(
+        &self,
+        ray: &Ray,
+        reach: f32,
+        media: &Media,
+        (groups, wider): (&mut Groups, &mut Groups),
+        rng: &mut Rng,
+        room: &mut Room,
+    ) {
         evens(ray, reach, media, rng, room);
         let evens = &room.stretches;
-        let (Some(first), Some(last)) = (evens.first(), evens.last()) else { return };
+        let Some(last) = evens.last() else { return };
         // Beyond this the roulette is lost.
         let deepest = -(FAINT * (1.0 - rng.uniform())).ln();
         let end = match evens.iter().find(|e| e.before + e.sigma_t * f64::from(e.to - e.from) > deepest) {
             Some(e) => (f64::from(e.from) + (deepest - e.before) / e.sigma_t) as f32,
             None => last.to,
         };
+        let mut found = Groups::default();
+        self.pierced(ray, end, evens, &mut found);
+        groups.iter_mut().zip(found).for_each(|(sum, own)| *sum += own);
+        if let Some(wide) = self.wide.as_ref().filter(|_| room.wider) {
+            wide.pierced(ray, end, evens, wider);
+            wider.iter_mut().zip(found).for_each(|(sum, own)| *sum -= own);
+        }
+    }
+
+    /// Adds what the balls bring that a ray pierces on its way through `evens` to its `end`.
+    fn pierced(&self, ray: &Ray, end: f32, evens: &[Even], groups: &mut Groups) {
+        let Some(first) = evens.first() else { return };
         self.bvh.traverse(ray.origin, ray.direction, end, |block, _| {
             let radius2 = self.radii[block as usize] * self.radii[block as usize];
             let from = block as usize * BLOCK;

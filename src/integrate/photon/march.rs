@@ -4,7 +4,7 @@
 //! a collision, and one point drawn in each: marching by equal steps of optical depth that grow longer behind, jittered. Eqs 28 to
 //! 31 are this in the limit of short steps; the thesis names no length.
 
-use super::gather::Groups;
+use super::gather::{Gather, Groups};
 use super::{Channel, Light, Room};
 use crate::geom::Ray;
 use crate::media::Flight;
@@ -19,6 +19,8 @@ pub(super) struct Stretch {
     pub direct: Vec3,
     /// Stored photons' light, by groups, before it is tinted.
     pub groups: Groups,
+    /// What of these would differ, had photons been looked for twice as wide; where that is asked.
+    pub wider: Groups,
     /// The transmittance.
     pub clear: f64,
     /// The mean distance of a collision, m, times its chance.
@@ -27,7 +29,8 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    const NOTHING: Stretch = Stretch { direct: Vec3::ZERO, groups: [0.0; GROUPS], clear: 1.0, depth: 0.0, gathered: 0 };
+    const NOTHING: Stretch =
+        Stretch { direct: Vec3::ZERO, groups: [0.0; GROUPS], wider: [0.0; GROUPS], clear: 1.0, depth: 0.0, gathered: 0 };
 }
 
 impl Channel {
@@ -64,7 +67,7 @@ impl Channel {
             }
         }
         if let Light::Beams(beams) = &self.light {
-            beams.along(ray, reach, &band.media, &mut out.groups, rng, room);
+            beams.along(ray, reach, &band.media, (&mut out.groups, &mut out.wider), rng, room);
         }
         out
     }
@@ -118,12 +121,21 @@ impl Channel {
         out.gathered += 1;
         if let Light::Nearest(gather) = &self.light {
             let optics = band.media.optics(region);
-            let hood = room.neighbourhood(self.number, slice);
-            let found = gather.scattered(here.origin, -ray.direction, g, optics.sigma_t, &band.media, hood);
+            let wider = room.wider;
+            let mut look = |gather: &Gather, wide: bool| {
+                let hood = room.neighbourhood(2 * self.number + usize::from(wide), slice);
+                gather.scattered(here.origin, -ray.direction, g, optics.sigma_t, &band.media, hood)
+            };
+            let found = look(gather, false);
             // To the letter what is stored has the albedo in it, or should.
             let albedo = if self.model == Model::Physical { optics.albedo } else { 1.0 };
             for (sum, light) in out.groups.iter_mut().zip(found) {
                 *sum += weight * albedo * light;
+            }
+            if let Some(wide) = gather.wide().filter(|_| wider) {
+                for (sum, (wide, own)) in out.wider.iter_mut().zip(look(wide, true).into_iter().zip(found)) {
+                    *sum += weight * albedo * (wide - own);
+                }
             }
         }
     }

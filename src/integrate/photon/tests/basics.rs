@@ -90,7 +90,7 @@ fn a_beam_finds_every_ball_that_it_pierces() {
         let toward = (unit_ball([rng.uniform(), rng.uniform(), rng.uniform()]).as_vec3() - origin).normalize();
         let (ray, reach) = (Ray { origin, direction: toward }, 1.0 + 4.0 * rng.uniform_f32());
         let mut found: Groups = [0.0; GROUPS];
-        beams.along(&ray, reach, &media, &mut found, &mut rng, &mut room);
+        beams.along(&ray, reach, &media, (&mut found, &mut Groups::default()), &mut rng, &mut room);
         // Each photon's light along its chord, by many points.
         let mut expected = 0.0;
         for (photon, radius) in beams.each() {

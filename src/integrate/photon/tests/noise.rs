@@ -8,7 +8,8 @@ use super::*;
 fn stated_over_found(name: &str, scene: &Scene, spp: u32, seeds: u64, photon: PhotonSettings) -> Estimate {
     let films: Vec<Rendering> = (0..seeds).map(|seed| picture(scene, Integrator::Photon, spp, 1000 + seed, photon)).collect();
     let luminous = |r: &Rendering| values(r).into_iter().skip(1).step_by(3).collect::<Vec<f64>>();
-    let stated = |r: &Rendering| r.film.pixels.iter().map(|p| f64::from(p.standard_error[1]).powi(2)).sum::<f64>();
+    let stated =
+        |r: &Rendering| r.film.pixels.iter().map(|p| f64::from(p.standard_error[1]).powi(2) - f64::from(p.bias).powi(2)).sum::<f64>();
     let ratio = |without: usize| {
         let kept: Vec<&Rendering> = films.iter().enumerate().filter(|(i, _)| *i != without).map(|(_, film)| film).collect();
         let n = kept.len() as f64;
@@ -53,4 +54,28 @@ fn the_step_has_no_bias() {
     let off = mean(&off);
     println!("steps of optical depth 2 against 0.05: {:+.3} % +- {:.3} %", 100.0 * off.value, 100.0 * off.se);
     assert!(off.value.abs() < 4.4 * off.se && off.se < 0.002, "{off:?}");
+}
+
+/// What a picture says that its photons blur, against what its mean over seeds is off by: where there is much, about as much, and where
+/// there is little, little.
+#[test]
+fn the_stated_blur_is_about_the_bias() {
+    let scene = lit(vec![ball(DVec3::ZERO, 1.0, Medium::with_albedo(8.0, 0.9, 0.3))], DVec3::new(0.8, 0.4, -0.6).normalize());
+    let truth = picture(&scene, Integrator::Path, 4096, 1, PhotonSettings::default());
+    let unsure = average(&truth.film.pixels.iter().map(|p| f64::from(p.standard_error[1]).powi(2)).collect::<Vec<f64>>());
+    let grey = |rgb: &[f64]| rgb.iter().skip(1).step_by(3).copied().collect::<Vec<f64>>();
+    let truth = grey(&values(&truth));
+    for gather in [Gathering::March, Gathering::Beam] {
+        let films: Vec<Rendering> =
+            (0..4).map(|seed| picture(&scene, Integrator::Photon, 8, 50 + seed, settings(gather, 40_000, 600))).collect();
+        let pictures: Vec<Vec<f64>> = films.iter().map(|film| grey(&values(film))).collect();
+        let mean: Vec<f64> = (0..truth.len()).map(|i| average(&pictures.iter().map(|p| p[i]).collect::<Vec<f64>>())).collect();
+        let scatter = |i: usize| pictures.iter().map(|p| (p[i] - mean[i]).powi(2)).sum::<f64>() / 12.0;
+        let off = average(&(0..truth.len()).map(|i| (mean[i] - truth[i]).powi(2) - scatter(i)).collect::<Vec<f64>>()) - unsure;
+        let off = off.max(0.0).sqrt();
+        let stated = |film: &Rendering| average(&film.film.pixels.iter().map(|p| f64::from(p.bias).powi(2)).collect::<Vec<f64>>());
+        let stated = average(&films.iter().map(stated).collect::<Vec<f64>>()).sqrt();
+        println!("{gather:?}: stated {stated:.4}, off by {off:.4} of {:.4}", average(&truth));
+        assert!((0.5..4.0).contains(&(stated / off)), "{gather:?}: {stated} {off}");
+    }
 }

@@ -177,8 +177,8 @@ fn beams(places: &[Place], constant: f64, (photons, seeds): (u64, u64)) -> Error
         let one = |place: &Place, part: usize| {
             let ray = Ray { origin: turned(place.ray.origin, part), direction: turned(place.ray.direction, part) };
             let (mut rng, mut room) = (Rng::new(seed, Stage::Render, part as u64), Room::default());
-            let mut groups = [0.0; crate::photon::GROUPS];
-            (0..again).for_each(|_| beams.along(&ray, place.reach, media, &mut groups, &mut rng, &mut room));
+            let (mut groups, mut wider) = ([0.0; crate::photon::GROUPS], [0.0; crate::photon::GROUPS]);
+            (0..again).for_each(|_| beams.along(&ray, place.reach, media, (&mut groups, &mut wider), &mut rng, &mut room));
             groups.iter().sum::<f64>() / f64::from(again)
         };
         places.par_iter().map(|place| (0..AROUND).map(|part| one(place, part)).collect()).collect()
