@@ -44,7 +44,12 @@ def main():
     options.folder = options.folder.resolve()
     others = options.folder / "others"
     others.mkdir(parents=True, exist_ok=True)
+    # A grid that is written anew has another name within; a study goes on with the one that it was begun with.
+    grid = others / "cumulus.vdb"
+    before = grid.read_bytes() if grid.exists() else None
     scene = speed.scene(others, width=160, height=120)
+    if before:
+        grid.write_bytes(before)
     against = []
     for name, run in beside(scene).items():
         for samples in options.samples:
