@@ -422,14 +422,6 @@ impl Tracer {
         }
     }
 
-    /// How far a flight along a ray goes, to a collision or to a surface.
-    fn reach(&self, media: &Media, ray: &Ray, hint: f64, spectrum: &Spectrum, rng: &mut Rng, scratch: &mut Scratch) -> f32 {
-        let flight = media.fly(ray, f32::INFINITY, rng.optical_depth(), hint, rng, scratch);
-        let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
-        let reach = if self.surfaces.is_empty() { reach } else { self.surfaces.nearest(ray, reach).map_or(reach, |h| h.t) };
-        if self.air.is_empty() { reach } else { self.air.fly(ray, reach, spectrum, rng).map_or(reach, |(distance, _)| distance) }
-    }
-
     fn in_tile(&self, region: u32, p: Vec3) -> bool {
         self.tiles[region as usize].is_none_or(|tile| tile.holds(p))
     }

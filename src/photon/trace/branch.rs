@@ -3,6 +3,7 @@
 use super::{Batch, Fate, Tracer};
 use crate::geom::Ray;
 use crate::media::air::{Atmosphere, Layer, Spectrum};
+use crate::media::{Flight, Media, Scratch};
 use crate::photon::{Colour, Model};
 use crate::rng::Rng;
 use crate::sampling::{around, cosine_hemisphere};
@@ -49,6 +50,14 @@ impl Branch {
 }
 
 impl Tracer {
+    /// How far a flight along a ray goes, to a collision or to a surface.
+    pub(super) fn reach(&self, media: &Media, ray: &Ray, hint: f64, spectrum: &Spectrum, rng: &mut Rng, scratch: &mut Scratch) -> f32 {
+        let flight = media.fly(ray, f32::INFINITY, rng.optical_depth(), hint, rng, scratch);
+        let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
+        let reach = if self.surfaces.is_empty() { reach } else { self.surfaces.nearest(ray, reach).map_or(reach, |h| h.t) };
+        if self.air.is_empty() { reach } else { self.air.fly(ray, reach, spectrum, rng).map_or(reach, |(distance, _)| distance) }
+    }
+
     /// A Lambertian bounce (thesis eq. 26). What goes toward the regions is a branch of its own, sampled over the cone of
     /// their bounding sphere, so that light from far ground arrives by many weak photons and not by a few strong ones; what
     /// goes elsewhere is sampled over the hemisphere and dropped inside the cone. To the letter there is no such branch, as the
