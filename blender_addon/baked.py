@@ -4,34 +4,13 @@ import math
 
 import bpy
 
-#: Real orthonormal spherical harmonics of degrees 0 to 3, in cloudvdb's order: a factor, and the powers of x, y, z that are summed.
-HARMONICS = (
-    (math.sqrt(1 / (4 * math.pi)), {(0, 0, 0): 1}),
-    (math.sqrt(3 / (4 * math.pi)), {(0, 1, 0): 1}),
-    (math.sqrt(3 / (4 * math.pi)), {(0, 0, 1): 1}),
-    (math.sqrt(3 / (4 * math.pi)), {(1, 0, 0): 1}),
-    (math.sqrt(15 / (4 * math.pi)), {(1, 1, 0): 1}),
-    (math.sqrt(15 / (4 * math.pi)), {(0, 1, 1): 1}),
-    (math.sqrt(5 / (16 * math.pi)), {(0, 0, 2): 3, (0, 0, 0): -1}),
-    (math.sqrt(15 / (4 * math.pi)), {(1, 0, 1): 1}),
-    (math.sqrt(15 / (16 * math.pi)), {(2, 0, 0): 1, (0, 2, 0): -1}),
-    (math.sqrt(35 / (32 * math.pi)), {(2, 1, 0): 3, (0, 3, 0): -1}),
-    (math.sqrt(105 / (4 * math.pi)), {(1, 1, 1): 1}),
-    (math.sqrt(21 / (32 * math.pi)), {(0, 1, 2): 5, (0, 1, 0): -1}),
-    (math.sqrt(7 / (16 * math.pi)), {(0, 0, 3): 5, (0, 0, 1): -3}),
-    (math.sqrt(21 / (32 * math.pi)), {(1, 0, 2): 5, (1, 0, 0): -1}),
-    (math.sqrt(105 / (16 * math.pi)), {(2, 0, 1): 1, (0, 2, 1): -1}),
-    (math.sqrt(35 / (32 * math.pi)), {(3, 0, 0): 1, (1, 2, 0): -3}),
-)
-#: The grids of the flow of light along x, y and z.
-FLOW = ("flowx", "flowy", "flowz")
+from .lobes import FLOW, about_flow, harmonic, phase
+
 #: EEVEE's materials read at most so many grids of light beside the density (a material has 15 attributes).
 EEVEE_GRIDS = 14
 #: What it may be shown, the best first: the largest degree of the harmonics, and how the lobe about the flow of light is held: as it is,
 #: by a mean cosine of its own for all places, or even in all directions.
 SHORTER = ((3, "whole"), (2, "alike"), (1, "alike"), (0, "even"))
-#: That mean cosine.
-ALIKE = 0.6
 #: The names of the lights, as the group of the baked light shows them.
 LIGHTS = {"all": "Light", "sun": "Sun", "sky": "Sky", "red": "Light", "green": "Light", "blue": "Light"}
 
@@ -216,13 +195,13 @@ def _toward(tree, light, viewer, g, sunlight, way):
             terms.append(samples)
         elif key in ("sunlight", "glow"):
             cosine = tree.vector("DOT_PRODUCT", viewer, sunlight)
-            terms.append(tree.math("MULTIPLY", samples, _phase(tree, cosine, g if key == "sunlight" else lobe)))
+            terms.append(tree.math("MULTIPLY", samples, phase(tree, cosine, g if key == "sunlight" else lobe)))
         elif key == "flow" or key in FLOW:
             flow.append(key)
         else:
-            terms.append(tree.math("MULTIPLY", samples, _harmonic(tree, viewer, int(key))))
+            terms.append(tree.math("MULTIPLY", samples, harmonic(tree, viewer, int(key))))
     if flow:
-        terms.append(_about_flow(tree, grids, viewer))
+        terms.append(about_flow(tree, grids, viewer))
     if not terms:
         return 0.0
     # Few harmonics may fall below zero where light is peaked.
@@ -281,49 +260,6 @@ def curves(tree):
     if hasattr(action, "fcurves"):
         return list(action.fcurves)
     return [curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves]
-
-
-def _phase(tree, cosine, g):
-    """The Henyey-Greenstein function, 1/sr."""
-    if not isinstance(g, bpy.types.NodeSocket):
-        base = tree.math("MULTIPLY_ADD", cosine, -2.0 * g, 1.0 + g * g)
-        return tree.math("DIVIDE", (1.0 - g * g) / (4.0 * math.pi), tree.math("POWER", base, 1.5))
-    square = tree.math("MULTIPLY", g, g)
-    base = tree.math("MULTIPLY_ADD", cosine, tree.math("MULTIPLY", g, -2.0), tree.math("ADD", square, 1.0))
-    whole = tree.math("MULTIPLY_ADD", square, -1.0 / (4.0 * math.pi), 1.0 / (4.0 * math.pi))
-    return tree.math("DIVIDE", whole, tree.math("POWER", base, 1.5))
-
-
-def _about_flow(tree, grids, viewer):
-    """The lobe about the flow of light."""
-    if not any(key in grids for key in FLOW):
-        return tree.math("MULTIPLY", tree.grid(grids["flow"]), 1.0 / (4.0 * math.pi))
-    flow = tree.node("ShaderNodeCombineXYZ")
-    for key, socket in zip(FLOW, flow.inputs):
-        if key in grids:
-            tree.put(tree.grid(grids[key]), socket)
-    length, cosine = tree.vector("LENGTH", flow.outputs[0]), tree.vector("DOT_PRODUCT", viewer, tree.vector("NORMALIZE", flow.outputs[0]))
-    if "flow" not in grids:
-        return tree.math("MULTIPLY", length, tree.math("MULTIPLY", _phase(tree, cosine, ALIKE), 1.0 / ALIKE))
-    whole = tree.grid(grids["flow"])
-    mean = tree.math("MAXIMUM", tree.math("MINIMUM", tree.math("DIVIDE", length, whole), 0.9), 0.0)
-    return tree.math("MULTIPLY", whole, _phase(tree, cosine, mean))
-
-
-def _harmonic(tree, direction, number):
-    factor, powers = HARMONICS[number]
-    if number == 0:
-        return factor
-    split = tree.node("ShaderNodeSeparateXYZ")
-    tree.put(direction, split.inputs[0])
-    terms = []
-    for exponents, weight in powers.items():
-        factors = [split.outputs[axis] for axis in range(3) for _ in range(exponents[axis])]
-        term = weight * factor
-        for one in factors:
-            term = tree.math("MULTIPLY", one, term)
-        terms.append(term)
-    return tree.total(terms)
 
 
 def _socket(nodes, name, side, kind):

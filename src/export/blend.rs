@@ -13,7 +13,8 @@ use serde_json::{Map, Value, json};
 use std::f32::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
-const MATERIALS: &str = include_str!("../../blender_addon/baked.py");
+/// Modules of the add-on, in the order in which they know each other: in the script all is one.
+const MATERIALS: [&str; 2] = [include_str!("../../blender_addon/lobes.py"), include_str!("../../blender_addon/baked.py")];
 const STAGE: &str = include_str!("blend/stage.py");
 
 /// Columns and rows of a sky that is not even, as the script has it.
@@ -40,8 +41,10 @@ pub struct Setup<'a> {
 pub fn write(path: &Path, setup: &Setup) -> Result<()> {
     let lines: Vec<String> = setup.data().as_object().into_iter().flatten().map(|(key, value)| format!("  {key:?}: {value}")).collect();
     let data = lines.join(",\n");
+    let own = |line: &&str| !line.starts_with("from .");
+    let materials = MATERIALS.iter().flat_map(|module| module.lines()).filter(own).collect::<Vec<_>>().join("\n");
     let text = format!(
-        "# Sets a cloud of cloudvdb up in Blender (3.4 and newer):  blender --python THIS\n# Or open it in the Text Editor, and press Run. The VDB belongs beside it.\n# SPDX-License-Identifier: MIT OR Apache-2.0\nCLOUD = r\"\"\"{{\n{data}\n}}\"\"\"\n\n{MATERIALS}\n\n{STAGE}",
+        "# Sets a cloud of cloudvdb up in Blender (3.4 and newer):  blender --python THIS\n# Or open it in the Text Editor, and press Run. The VDB belongs beside it.\n# SPDX-License-Identifier: MIT OR Apache-2.0\nCLOUD = r\"\"\"{{\n{data}\n}}\"\"\"\n\n{materials}\n\n\n{STAGE}",
     );
     write_bytes(path, text.as_bytes())
 }

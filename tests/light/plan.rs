@@ -150,20 +150,6 @@ fn what_is_left_out_of_many_scenes_is_less_than_said() {
     compare(0..200, 2000);
 }
 
-/// The same scenes by `grid`, which pictures are by unless one says otherwise: their cost alone, as its smoothing has a bias of its own.
-#[test]
-#[ignore = "200 scenes: make crosscheck"]
-fn what_is_planned_of_many_scenes_costs_a_third() {
-    let grid = Work { integrator: Integrator::Grid, spp: 16 };
-    let cost = |seed: u64| {
-        let scene = scene(seed);
-        let most = seconds(|| picture(&everything(&scene), all(), grid)).1;
-        seconds(|| picture(&scene, Wishes { tolerance: TOLERANCE, ..Wishes::default() }, grid)).1 / most
-    };
-    let costs = sorted("grid: processor time", (0..200).map(cost).collect());
-    assert!(costs[100] < 1.0 / 3.0, "{}", costs[100]);
-}
-
 /// With an effect off, a scene is what it would be without it: the same picture, bit by bit, by as many samples, collisions, photons and
 /// voxels.
 #[test]

@@ -139,8 +139,12 @@ def test_a_bake_may_go_unchecked(cloud, tmp_path):
 
 #: The group of the baked light on the inside of a ball around the camera, whose attributes are the grids' samples.
 GROUP = """
-import runpy
-baked = runpy.run_path(given["baked"])
+import importlib, sys, types
+# The add-on's modules without the add-on.
+package = types.ModuleType("package")
+package.__path__ = [given["addon"]]
+sys.modules["package"] = package
+baked = vars(importlib.import_module("package.baked"))
 start()
 ball = ico("Ball", 10.0, subdivisions=3)
 for name, value in given["samples"].items():
@@ -178,7 +182,7 @@ def test_the_shader_says_what_the_grids_mean(kind, moves):
             "frames": [(f, {"scale": scale * f, "glow": h}) for f, h in lobes.items()] if moves else []}
     cloud = {"sun": {"direction": list(sun)}, "bake": {"bake": kind, "g": g, "parts": [part]}}
     shots = [(frame, way) for frame in lobes for way in ((1, 0, 0), (-1, 0.2, -0.3), (0, -1, 1))]
-    found = blender(GROUP, baked=str(command.ROOT / "blender_addon" / "baked.py"), samples=samples, cloud=cloud, shots=shots)["arrays"]
+    found = blender(GROUP, addon=str(command.ROOT / "blender_addon"), samples=samples, cloud=cloud, shots=shots)["arrays"]
     at = ((np.arange(16) + 0.5) / 8 - 1) * np.tan(0.75)
     x, y = np.meshgrid(at, -at)
     rays = np.stack([x, y, -np.ones_like(x)], axis=2) / np.sqrt(1 + x**2 + y**2)[..., None]

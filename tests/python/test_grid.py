@@ -32,12 +32,12 @@ def test_it_reaches_the_error_and_shows_what_the_path_tracer_shows(cloud, tmp_pa
     assert report["integrator"] == "grid" and 0.03 <= report["relative_error"] <= 0.06
     assert report["photons"]["voxels"] > 0
     noise, bias = report["relative_noise"], report["relative_bias"]
-    assert report["relative_error"] == pytest.approx(math.hypot(noise, bias), rel=1e-3) and 0 < bias < noise
+    assert report["relative_error"] == pytest.approx(math.hypot(noise, bias), rel=1e-3) and bias > 0
     a, b, path = (x["Combined"].mean(axis=2).astype(float) for x in (layers, other, truth))
     lit = path > 0.05 * path.max()
     noise = math.sqrt(((a - b)[lit] ** 2).mean() / 2) / path[lit].mean()
     # Two pictures know their noise to about a fifth, as their pixels err together.
-    assert 0.4 * report["relative_error"] < noise < 1.6 * report["relative_error"]
+    assert 0.5 * report["relative_noise"] < noise < 1.6 * report["relative_noise"]
     mean = (a + b).sum() / 2
     doubt = math.hypot(abs(a.sum() - b.sum()) / 2, math.sqrt((truth["StandardError"].mean(axis=2).astype(float) ** 2).sum()))
     assert abs(mean - path.sum()) < 3 * doubt + 0.012 * path.sum()
