@@ -56,6 +56,8 @@ use std::borrow::Cow;
 const HIDDEN: f64 = 9.0;
 /// And behind so much of similar media.
 const HAZY: f64 = 5.0;
+/// The cosine of the turn from the sunlight to the camera above which its peak may be seen.
+const AHEAD: f64 = 0.2;
 /// What a number of a voxel takes while light is gathered and smoothed, bytes, colours included; and what it takes afterwards.
 const BYTES: u64 = 1080;
 const KEPT: u64 = 82;
@@ -130,7 +132,7 @@ impl GridTracer {
                         Field::new(Request { scene, media, basis, orders, origin, seen, first, seed, voxels, coarser })
                     };
                 if settings.photon.directional == Directional::View {
-                    let orders = Orders::similarly(&part, tracer.origin, total);
+                    let orders = if ahead(&part, lens.position()) { Orders::own() } else { Orders::similarly(&part, tracer.origin, total) };
                     let basis = Basis::view(&part, lens.position(), orders.part());
                     let through = orders.similar().map(|similar| (similar.media.clone(), HAZY));
                     let (through, hidden) = through.as_ref().map_or((media, HIDDEN), |(media, hidden)| (media, *hidden));
@@ -198,6 +200,16 @@ fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3)> {
 /// Whether regions get other light than the sun's own.
 fn sends(scene: &Scene, plan: &Plan) -> bool {
     luminance(scene.sky) > 0.0 || !scene.flames.is_empty() || !scene.air.is_empty() || plan.on(EffectName::SurfaceBounce)
+}
+
+/// Whether a camera, relative to the middle of the regions, may see light that goes on nearly as it came: the sun's, but where it stands at the
+/// camera's side or behind it, and that of lamps and of skies that are not even. Similar media keep no peak of it.
+fn ahead(scene: &Scene, eye: Vec3) -> bool {
+    let (distance, radius) = (f64::from(eye.length()), 0.5 * scene.region_bounds().size().length());
+    let aside = scene.sun.direction.normalize().dot(eye.as_dvec3() / distance);
+    // Of all points of the regions, that which the camera sees most against the sun.
+    let most = (aside.clamp(-1.0, 1.0).acos() - (radius / distance).min(1.0).asin()).max(0.0).cos();
+    !scene.lamps.is_empty() || scene.dome.is_some() || distance <= radius || (scene.sun.shines() && most > AHEAD)
 }
 
 /// Whether a camera may see anything of a box behind less than so much optical depth.
