@@ -120,6 +120,10 @@ impl Voxels {
             GridName::Density => written,
             GridName::Source => &layout.regions,
         };
+        let of_density = |grids, voxel_size, coarsened| {
+            let (emission, others, up) = (Vec::new(), Carried::default(), options.up);
+            Voxels { grids, emission, light: None, others, up, density_scale, voxel_size, coarsened }
+        };
         let mut kept = Vec::new();
         for &name in &options.grids {
             let one = merge(of(name), options.voxel_size, options.max_voxels, density_scale, options.up, progress)?;
@@ -128,16 +132,7 @@ impl Voxels {
         if kept.len() == options.grids.len() && !kept.is_empty() {
             let voxel_size = kept.iter().map(|(_, (_, edge))| *edge).fold(f64::INFINITY, f64::min);
             let grids = kept.into_iter().map(|(name, (ready, _))| (name, ready)).collect();
-            return Ok(Voxels {
-                grids,
-                emission: Vec::new(),
-                light: None,
-                others: Carried::default(),
-                up: options.up,
-                density_scale,
-                voxel_size,
-                coarsened: false,
-            });
+            return Ok(of_density(grids, voxel_size, false));
         }
         let (mut size, mut coarsened) = (0.0f64, false);
         for &name in &options.grids {
@@ -149,16 +144,7 @@ impl Voxels {
         }
         let voxels = |name| voxelise(of(name), size, density_scale, options.up, progress).map(|grid| (name, Ready::Own(grid)));
         let grids = options.grids.iter().map(|&name| voxels(name)).collect::<Result<_>>()?;
-        Ok(Voxels {
-            grids,
-            emission: Vec::new(),
-            light: None,
-            others: Carried::default(),
-            up: options.up,
-            density_scale,
-            voxel_size: size,
-            coarsened,
-        })
+        Ok(of_density(grids, size, coarsened))
     }
 
     /// The samples of the medium of the run, where they are to be written.

@@ -51,6 +51,7 @@ pub use lobes::of_flow;
 use orders::Orders;
 pub use source::{Kept, Light, Part, SourceFunction, SourceSettings};
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Bricks behind more optical depth than this, from everywhere in them, are not lit.
 const HIDDEN: f64 = 9.0;
@@ -109,9 +110,9 @@ impl GridTracer {
         let parts = parts(scene);
         let fields = parts.len() as u64 * if scene.surfaces.is_empty() { 1 } else { 2 };
         let held = settings.photon.memory / (BYTES + (fields - 1) * KEPT);
+        let all = photons;
         // What photons are too few for, or pixels too wide, is not worth its time.
-        let total = photons;
-        let told = photons / parts.len() as u64;
+        let told = all / parts.len() as u64;
         let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
         let channel = |(part, mask): (Cow<Scene>, Vec3)| {
             let tracer = PathTracer::new(&part, plan);
@@ -132,11 +133,13 @@ impl GridTracer {
                         Field::new(Request { scene, media, basis, orders, origin, seen, first, seed, voxels, coarser })
                     };
                 if settings.photon.directional == Directional::View {
-                    let orders = if ahead(&part, lens.position()) { Orders::own() } else { Orders::similarly(&part, tracer.origin, total) };
+                    let orders = if ahead(&part, lens.position()) { Orders::own() } else { Orders::similarly(&part, tracer.origin, all) };
                     let basis = Basis::view(&part, lens.position(), orders.part());
-                    let through = orders.similar().map(|similar| (similar.media.clone(), HAZY));
-                    let (through, hidden) = through.as_ref().map_or((media, HIDDEN), |(media, hidden)| (media, *hidden));
-                    view = Some(field((basis, orders), &|brick| sees(&lens, (through, hidden), brick), 0, 1.0, 1));
+                    let through = orders.similar().map(|similar| Arc::clone(&similar.media));
+                    let seen = |brick: Box3| {
+                        through.as_ref().map_or_else(|| sees(&lens, (media, HIDDEN), brick), |media| sees(&lens, (media, HAZY), brick))
+                    };
+                    view = Some(field((basis, orders), &seen, 0, 1.0, 1));
                     around = (!tracer.surfaces.is_empty()).then(|| field((ALL, Orders::own()), &|_| true, FIRST, COARSER, FEWER));
                 } else {
                     view = Some(field((ALL, Orders::own()), &|_| true, 0, 1.0, 1));

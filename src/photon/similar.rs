@@ -3,12 +3,13 @@
 use crate::media::Media;
 use crate::scene::{Phase, Region, Scene, Similar};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// Media of the same shapes in which light spreads alike by fewer scatterings ([`Similar`]).
 #[derive(Debug)]
 pub struct SimilarMedia {
     /// Their extinctions and albedos.
-    pub media: Media,
+    pub media: Arc<Media>,
     /// Of each region; and its extinction over that of the scene's.
     phases: Vec<(Phase, f64)>,
     /// The least of these.
@@ -16,7 +17,8 @@ pub struct SimilarMedia {
 }
 
 impl SimilarMedia {
-    /// Those of a scene, relative to `origin`, as far from it as `part` says ([`Similar::to`]); `None` where phase functions have no peak, or absorption has a colour.
+    /// Those of a scene, relative to `origin`, as far from it as `part` says ([`Similar::to`]); `None` where phase functions have no peak, or
+    /// absorption has a colour.
     pub fn of(scene: &Scene, part: f64, origin: DVec3) -> Option<Self> {
         let similar: Vec<Similar> = scene.regions.iter().map(|r| Similar::to(r.medium.g, part)).collect();
         let even =
@@ -30,7 +32,7 @@ impl SimilarMedia {
         let ratios: Vec<f64> = scene.regions.iter().zip(&regions).map(ratio).collect();
         let thinnest = ratios.iter().copied().filter(|&ratio| ratio > 0.0).fold(1.0, f64::min);
         let phases = similar.iter().map(|s| s.phase).zip(ratios).collect();
-        Some(SimilarMedia { media: Media::new(&regions, origin), phases, thinnest })
+        Some(SimilarMedia { media: Arc::new(Media::new(&regions, origin)), phases, thinnest })
     }
 
     /// How a region scatters.

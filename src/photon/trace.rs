@@ -339,7 +339,7 @@ impl Tracer {
             let tau = R::optical_depth(rng);
             let events = collisions + u64::from(at.bounced);
             let similar = witness.similar(events);
-            let media = similar.map_or(&self.media, |similar| &similar.media);
+            let media = similar.map_or(&self.media, |similar| &*similar.media);
             let flight = media.fly(&at.ray, f32::INFINITY, tau, hint, rng, scratch);
             let reach = if let Flight::Collision { distance, .. } = flight { distance } else { f32::INFINITY };
             let hit = if self.surfaces.is_empty() { None } else { self.surfaces.nearest(&at.ray, reach) };
@@ -411,7 +411,7 @@ impl Tracer {
             let phase = similar.map_or(Phase::henyey_greenstein(optics.g), |similar| similar.phase(region));
             if let Some((direction, part)) = witness.aside(p, before, phase, rng) {
                 let (ray, events) = (Ray { origin: p, direction }, collisions + u64::from(at.bounced));
-                let media = witness.similar(events).map_or(&self.media, |similar| &similar.media);
+                let media = witness.similar(events).map_or(&self.media, |similar| &*similar.media);
                 let reach = self.reach(media, &ray, sigma_t, &at.spectrum, rng, scratch);
                 witness.flight(&ray, reach, at.power * part, at.colour(&self.air), events, rng);
             }

@@ -33,8 +33,8 @@ pub(super) enum Basis {
 }
 
 impl Basis {
-    /// For a camera at `eye`, that sees light through the scene's media or through similar ones, as far from them as [`Similar::to`] says: then what scatters in the scene's own is worth
-    /// more, as its light is looked up per optical depth of the others.
+    /// For a camera at `eye`, that sees light through the scene's media or through similar ones, as far from them as [`Similar::to`] says:
+    /// then what scatters in the scene's own is worth more, as its light is looked up per optical depth of the others.
     pub fn view(scene: &Scene, eye: Vec3, similar: Option<f64>) -> Self {
         let mut cosines: Vec<f64> = scene.regions.iter().map(|r| r.medium.g).collect();
         cosines.sort_unstable_by(f64::total_cmp);

@@ -13,14 +13,15 @@ use crate::rng::Rng;
 use crate::scene::{Phase, medium::luminance};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Points along a flight are so many mean free paths apart, or a voxel where that is more.
-pub(super) const SPACING: f64 = 1.0;
+const SPACING: f64 = 1.0;
 /// And so many times as far in similar media, whose free paths are longer.
 const WIDER: f32 = 2.0;
 /// Sums are of whole numbers, of which the strongest photon in the phase function's peak is 2^36: the same in whatever order.
-pub(super) const WHOLE: f64 = (1u64 << 36) as f64;
+const WHOLE: f64 = (1u64 << 36) as f64;
 
 /// What photons have left: by class, of each voxel and number of the basis, what they brought to the medium there, over the whole voxel,
 /// as a sum.
@@ -54,29 +55,22 @@ pub(super) fn gather(
     into: &mut Gathered,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let step = f64::from(space.frame.step);
-    let spacing = (SPACING / (space.usual * step)).max(1.0);
-    let whole = WHOLE / (tracer.strongest() * basis.peak());
-    let places = space.frame.voxels() * basis.len();
     let channels = if tracer.tint().is_none() { 3 } else { 1 };
-    let sums = (0..places * orders.count() * channels).into_par_iter().map(|_| AtomicU64::new(0)).collect();
-    let held = space.fill.iter().map(|fill| Held::of(fill.share)).collect();
-    let mut deposits = Deposits { space, basis, orders, media, held, sums, channels, whole, spacing: spacing as f32 };
-    let unit = spacing / (whole * step.powi(2));
+    let mut deposits = Deposits::new((tracer, media, basis, orders), space, channels);
     progress.begin("photons", items * GROUPS as u64);
     for group in 0..GROUPS {
         let (first, before) = (first + group as u64 * items, group as u64 * items);
-        tracer.follow(first..first + items, seed, (&deposits, &deposits.sums), progress, |done| progress.at(before + done))?;
+        deposits.follow(tracer, first..first + items, seed, progress, |done| progress.at(before + done))?;
         progress.at(before + items);
         for (class, light) in into.light.iter_mut().enumerate() {
-            light.par_iter_mut().enumerate().for_each(|(place, light)| light[group] += (deposits.take(place, class, 0) * unit) as f32);
+            light.par_iter_mut().enumerate().for_each(|(place, light)| light[group] += deposits.take(place, class, 0) as f32);
         }
         // Red and blue are those of all groups: one rank keeps them until the last, so that they count once.
         let keeps = group + 1 == GROUPS || progress.leads();
         deposits.sums.par_iter_mut().step_by(if keeps { channels } else { 1 }).for_each(|sum| *sum.get_mut() = 0);
     }
     for (class, colour) in into.colour.iter_mut().enumerate() {
-        let both = |place: usize| [1, 2].map(|channel| (deposits.take(place, class, channel) * unit) as f32);
+        let both = |place: usize| [1, 2].map(|channel| deposits.take(place, class, channel) as f32);
         colour.par_iter_mut().enumerate().for_each(|(place, colour)| *colour = both(place));
     }
     Ok(())
@@ -84,7 +78,7 @@ pub(super) fn gather(
 
 /// How much of a voxel is medium.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Held {
+enum Held {
     Nothing,
     Part,
     All,
@@ -101,26 +95,49 @@ impl Held {
 }
 
 /// Where photons leave their light.
-struct Deposits<'a> {
+pub(super) struct Deposits<'a> {
     space: &'a Space,
     basis: &'a Basis,
     orders: &'a Orders,
     media: &'a Media,
     /// Of each voxel: a byte, for the sake of the cache.
     held: Vec<Held>,
-    /// Of each voxel and number of the basis, by class: luminance, and where colours ride along red and blue.
+    /// By voxel, class and number of the basis: luminance, and where colours ride along red and blue.
     sums: Vec<AtomicU64>,
     channels: usize,
-    /// What a photon of 1 W leaves in a point for 1/sr.
+    /// What a photon of 1 W leaves in a point for 1/sr; and what 1 of a sum is worth.
     whole: f64,
+    unit: f64,
     /// Between points, in voxels.
     spacing: f32,
 }
 
-impl Deposits<'_> {
-    /// A sum, in units of its own.
-    fn take(&self, place: usize, class: usize, channel: usize) -> f64 {
-        self.sums[(place * self.orders.count() + class) * self.channels + channel].load(Ordering::Relaxed) as i64 as f64
+impl<'a> Deposits<'a> {
+    /// Where nothing is yet; of one channel, or of three.
+    pub fn new((tracer, media, basis, orders): (&Tracer, &'a Media, &'a Basis, &'a Orders), space: &'a Space, channels: usize) -> Self {
+        let step = f64::from(space.frame.step);
+        let spacing = (SPACING / (space.usual * step)).max(1.0);
+        let whole = WHOLE / (tracer.strongest() * basis.peak());
+        let places = space.frame.voxels() * basis.len() * orders.count() * channels;
+        let sums = (0..places).into_par_iter().map(|_| AtomicU64::new(0)).collect();
+        let held = space.fill.iter().map(|fill| Held::of(fill.share)).collect();
+        let unit = spacing / (whole * step.powi(2));
+        Deposits { space, basis, orders, media, held, sums, channels, whole, unit, spacing: spacing as f32 }
+    }
+
+    /// Follows photons.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn follow(&self, tracer: &Tracer, items: Range<u64>, seed: u64, progress: &dyn Progress, told: impl Fn(u64) + Sync) -> Result<()> {
+        tracer.follow(items, seed, (self, &self.sums), progress, told)
+    }
+
+    /// What a place, the number of a voxel's basis, got of a class.
+    pub fn take(&self, place: usize, class: usize, channel: usize) -> f64 {
+        let (numbers, classes) = (self.basis.len(), self.orders.count());
+        let sum = ((place / numbers * classes + class) * numbers + place % numbers) * self.channels + channel;
+        self.sums[sum].load(Ordering::Relaxed) as i64 as f64 * self.unit
     }
 }
 
@@ -138,6 +155,7 @@ impl Witness for Deposits<'_> {
             return;
         }
         let (class, classes, wider) = (self.orders.class(events + 1), self.orders.count(), self.similar(events).is_some());
+        let (numbers, everywhere) = (self.basis.len(), self.basis.of_direction(ray.direction));
         let spacing = self.spacing * if wider { WIDER } else { 1.0 };
         let share = (power * self.whole) as f32 * if wider { WIDER } else { 1.0 };
         self.space.frame.along(ray, reach, (spacing, rng.uniform_f32()), |p, voxel| {
@@ -146,21 +164,24 @@ impl Witness for Deposits<'_> {
                 Held::Part if self.media.extinction(p) > 0.0 => {}
                 _ => return,
             }
-            let first = voxel * self.basis.len() * classes + class;
+            let first = (voxel * classes + class) * numbers;
+            let each = |visit: &mut dyn FnMut(usize, f32)| match &everywhere {
+                Some(values) => values.iter().take(numbers).enumerate().for_each(|(number, &value)| visit(number, value)),
+                None => self.basis.each(p, ray.direction, wider, visit),
+            };
             // Below zero as the two's complement: sums come out right.
             let add = |place: usize, light: f32| self.sums[place].fetch_add(light as i64 as u64, Ordering::Relaxed);
             if self.channels == 1 {
-                self.basis.each(p, ray.direction, wider, |number, value| {
-                    add(first + number * classes, share * value);
+                each(&mut |number, value| {
+                    add(first + number, share * value);
                 });
                 return;
             }
             let rgb = colour.at(ray, (p - ray.origin).dot(ray.direction));
             let channels = [luminance(rgb.as_dvec3().to_array()) as f32, rgb.x, rgb.z].map(|channel| channel * share);
-            self.basis.each(p, ray.direction, wider, |number, value| {
-                let place = (first + number * classes) * 3;
+            each(&mut |number, value| {
                 channels.iter().enumerate().for_each(|(i, channel)| {
-                    add(place + i, channel * value);
+                    add((first + number) * 3 + i, channel * value);
                 });
             });
         });

@@ -2,21 +2,16 @@
 //! times the voxels, and the numbers of a voxel are smoothed together.
 
 use super::basis::Basis;
-use super::deposit::{Held, SPACING, WHOLE};
+use super::deposit::Deposits;
 use super::field::Request;
 use super::fit::{Fit, needed};
 use super::orders::Orders;
 use super::space::Space;
 use crate::error::Result;
-use crate::geom::Ray;
-use crate::media::Media;
-use crate::photon::{Colour, Tracer, Witness};
+use crate::photon::Tracer;
 use crate::progress::Progress;
-use crate::rng::Rng;
-use crate::scene::Phase;
 use glam::Vec3;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// As many numbers as are smoothed at once.
 const LANES: usize = 8;
@@ -59,17 +54,12 @@ impl Plain {
         let Request { media, basis, orders, seed, .. } = request;
         let (numbers, items) = (basis.len(), photons.div_ceil(Tracer::PATHS));
         let photons = items * Tracer::PATHS;
-        let step = f64::from(space.frame.step);
-        let spacing = (SPACING / (space.usual * step)).max(1.0);
-        let whole = WHOLE / (tracer.strongest() * basis.peak());
-        let places = space.frame.voxels() * orders.count() * numbers;
-        let sums = (0..places).into_par_iter().map(|_| AtomicU64::new(0)).collect();
-        let held = space.fill.iter().map(|fill| Held::of(fill.share)).collect();
-        let deposits = Deposits { space: &space, basis: &basis, orders: &orders, media, held, sums, whole, spacing: spacing as f32 };
+        let deposits = Deposits::new((tracer, media, &basis, &orders), &space, 1);
         progress.begin("photons", items);
-        tracer.follow(0..items, seed, (&deposits, &deposits.sums), progress, |done| progress.at(done))?;
-        let unit = spacing / (whole * step.powi(2) * photons as f64);
-        let raw: Vec<f32> = deposits.sums.par_iter().map(|sum| (sum.load(Ordering::Relaxed) as i64 as f64 * unit) as f32).collect();
+        deposits.follow(tracer, 0..items, seed, progress, |done| progress.at(done))?;
+        let (places, classes, each) = (space.frame.voxels() * numbers, orders.count(), 1.0 / photons as f64);
+        let raw = |i: usize| (deposits.take(i / classes, i % classes, 0) * each) as f32;
+        let raw: Vec<f32> = (0..places * classes).into_par_iter().map(raw).collect();
         drop(deposits);
         let (light, lit) = smoothed(&space, &basis, &orders, &raw, (photons as f64 / tracer.silhouette(), request.coarser), progress)?;
         Ok(Plain { basis, space, photons, light, lit })
@@ -120,7 +110,7 @@ fn apart(basis: &Basis) -> bool {
     matches!(basis, Basis::Around { degree: 1.. })
 }
 
-/// Raw light, by voxel, class and number, smoothed and added up; and whether a voxel has medium around it. `crowd` is photons over each
+/// Raw light, by voxel, number and class, smoothed and added up; and whether a voxel has medium around it. `crowd` is photons over each
 /// square metre, and how much wider than usual kernels are.
 fn smoothed(
     space: &Space,
@@ -152,7 +142,7 @@ fn smoothed(
                 }
             });
         };
-        let at = |voxel: usize, number: usize| raw[(voxel * orders.count() + class) * numbers + number];
+        let at = |voxel: usize, number: usize| raw[(voxel * numbers + number) * orders.count() + class];
         let mut first = 0;
         while first < numbers {
             // What is left over goes one by one.
@@ -172,57 +162,4 @@ fn smoothed(
         }
     }
     Ok((light, lit))
-}
-
-/// Where photons leave their light.
-struct Deposits<'a> {
-    space: &'a Space,
-    basis: &'a Basis,
-    orders: &'a Orders,
-    media: &'a Media,
-    held: Vec<Held>,
-    /// By voxel, class and number of the basis.
-    sums: Vec<AtomicU64>,
-    /// What a photon of 1 W leaves in a point for 1/sr.
-    whole: f64,
-    /// Between points, in voxels.
-    spacing: f32,
-}
-
-impl Witness for Deposits<'_> {
-    const KEEPS: bool = false;
-
-    #[inline]
-    fn flight(&self, ray: &Ray, reach: f32, power: f64, _: Colour, events: u64, rng: &mut Rng) {
-        if events == 0 {
-            return;
-        }
-        let (class, share) = (self.orders.class(events + 1), (power * self.whole) as f32);
-        // Below zero as the two's complement: sums come out right.
-        let add = |sum: &AtomicU64, light: f32| {
-            sum.fetch_add((share * light) as i64 as u64, Ordering::Relaxed);
-        };
-        let numbers = self.basis.len();
-        let whole = self.basis.of_direction(ray.direction);
-        self.space.frame.along(ray, reach, (self.spacing, rng.uniform_f32()), |p, voxel| {
-            match self.held[voxel] {
-                Held::All => {}
-                Held::Part if self.media.extinction(p) > 0.0 => {}
-                _ => return,
-            }
-            let sums = &self.sums[(voxel * self.orders.count() + class) * numbers..][..numbers];
-            match &whole {
-                Some(values) => sums.iter().zip(values).for_each(|(sum, &value)| add(sum, value)),
-                None => self.basis.each(p, ray.direction, false, |number, value| add(&sums[number], value)),
-            }
-        });
-    }
-
-    fn aside(&self, p: Vec3, before: Vec3, phase: Phase, rng: &mut Rng) -> Option<(Vec3, f64)> {
-        self.basis.aside(p, before, phase, rng)
-    }
-
-    fn share(&self, p: Vec3, before: Vec3, direction: Vec3, phase: Phase) -> f64 {
-        self.basis.share(p, before, direction, phase)
-    }
 }
