@@ -59,7 +59,7 @@ impl Transport for EmissionTracer<'_> {
     fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Room) -> Arrival {
         let mut arrival = Arrival::default();
         let reach = self.tracer.surfaces.nearest(&view.ray, view.reach).map_or(view.reach, |hit| hit.t);
-        self.tracer.bands[0].media.profile(&view.ray, reach, OPAQUE, &mut room.scratch, &mut room.profile);
+        self.tracer.bands[0].media.profile(&view.ray, reach, (OPAQUE, OPAQUE), &mut room.scratch, &mut room.profile);
         let chance = -(-room.profile.depth()).exp_m1();
         let slices = (chance / SLICE).ceil() as u32;
         let weight = chance / f64::from(slices.max(1));
@@ -78,8 +78,8 @@ impl Transport for EmissionTracer<'_> {
         arrival
     }
 
-    fn clear(&self, view: &View, room: &mut Room) -> (f64, bool) {
-        self.tracer.clear(view, &mut room.scratch)
+    fn clear(&self, view: &View, brought: &Arrival, room: &mut Room) -> (f64, bool) {
+        self.tracer.clear(view, brought, &mut room.scratch)
     }
 
     fn scratch(room: &Room) -> &Scratch {

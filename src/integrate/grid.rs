@@ -57,8 +57,11 @@ use std::sync::Arc;
 const HIDDEN: f64 = 9.0;
 /// And behind so much of similar media.
 const HAZY: f64 = 5.0;
-/// The cosine of the turn from the sunlight to the camera above which its peak may be seen.
-const AHEAD: f64 = 0.2;
+/// The angles of the turn from the sunlight to the camera, at the point of the regions where it is least, below which light that is on its way so
+/// shows what it has kept of its peak, degrees; and after how many scatterings similar media may pass for the scene's.
+const KEPT_PEAKS: [(f64, u64); 3] = [(25.0, 6), (55.0, 4), (f64::INFINITY, 2)];
+/// Rays across a picture, and down it, by which it is found what extinction is usual.
+const RAYS: u32 = 24;
 /// What a number of a voxel takes while light is gathered and smoothed, bytes, colours included; and what it takes afterwards.
 const BYTES: u64 = 1080;
 const KEPT: u64 = 82;
@@ -133,7 +136,10 @@ impl GridTracer {
                         Field::new(Request { scene, media, basis, orders, origin, seen, first, seed, voxels, coarser })
                     };
                 if settings.photon.directional == Directional::View {
-                    let orders = if ahead(&part, lens.position()) { Orders::own() } else { Orders::similarly(&part, tracer.origin, all) };
+                    let orders = {
+                        let crowd = told as f64 / (photons.silhouette() * usual(media, &lens, [settings.width, settings.height]).powi(2));
+                        Orders::similarly(&part, tracer.origin, crowd, own_scatterings(&part, lens.position()))
+                    };
                     let basis = Basis::view(&part, lens.position(), orders.part());
                     let through = orders.similar().map(|similar| Arc::clone(&similar.media));
                     let seen = |brick: Box3| {
@@ -205,14 +211,36 @@ fn sends(scene: &Scene, plan: &Plan) -> bool {
     luminance(scene.sky) > 0.0 || !scene.flames.is_empty() || !scene.air.is_empty() || plan.on(EffectName::SurfaceBounce)
 }
 
-/// Whether a camera, relative to the middle of the regions, may see light that goes on nearly as it came: the sun's, but where it stands at the
-/// camera's side or behind it, and that of lamps and of skies that are not even. Similar media keep no peak of it.
-fn ahead(scene: &Scene, eye: Vec3) -> bool {
+/// How often light is to scatter in the scene's own media before similar ones, that keep no peak, pass for them: the more often, the more nearly the
+/// camera, relative to the middle of the regions, looks toward the sun. Lamps and images of a sky may be anywhere.
+fn own_scatterings(scene: &Scene, eye: Vec3) -> u64 {
     let (distance, radius) = (f64::from(eye.length()), 0.5 * scene.region_bounds().size().length());
     let aside = scene.sun.direction.normalize().dot(eye.as_dvec3() / distance);
-    // Of all points of the regions, that which the camera sees most against the sun.
-    let most = (aside.clamp(-1.0, 1.0).acos() - (radius / distance).min(1.0).asin()).max(0.0).cos();
-    !scene.lamps.is_empty() || scene.dome.is_some() || distance <= radius || (scene.sun.shines() && most > AHEAD)
+    // At the point of the regions that the camera sees most against the sun.
+    let turn = (aside.clamp(-1.0, 1.0).acos() - (radius / distance).min(1.0).asin()).to_degrees();
+    let anywhere = !scene.lamps.is_empty() || scene.dome.is_some() || distance <= radius;
+    let turn = if anywhere {
+        0.0
+    } else if scene.sun.shines() {
+        turn
+    } else {
+        180.0
+    };
+    KEPT_PEAKS.iter().find(|(below, _)| turn < *below).map_or(KEPT_PEAKS[0].1, |peaks| peaks.1)
+}
+
+/// The mean extinction that camera rays meet, 1/m: by rays spread over the picture.
+fn usual(media: &Media, lens: &Lens, size: [u32; 2]) -> f64 {
+    let (mut scratch, mut profile) = (Scratch::default(), Profile::default());
+    let (mut squares, mut depth) = (0.0, 0.0);
+    for i in 0..RAYS * RAYS {
+        let [x, y] = [i % RAYS, i / RAYS].map(|i| (i as f32 + 0.5) / RAYS as f32);
+        let view = lens.view(x * size[0] as f32, y * size[1] as f32);
+        media.profile(&view.ray, view.reach, (f64::INFINITY, f64::INFINITY), &mut scratch, &mut profile);
+        let met = profile.met();
+        (squares, depth) = (squares + met.0, depth + met.1);
+    }
+    if depth > 0.0 { squares / depth } else { 0.0 }
 }
 
 /// Whether a camera may see anything of a box behind less than so much optical depth.
@@ -252,13 +280,8 @@ impl Transport for GridTracer {
         whole
     }
 
-    fn clear(&self, view: &View, room: &mut Room) -> (f64, bool) {
-        let mut sum = (0.0, false);
-        for channel in &self.channels {
-            let (clear, surface) = channel.tracer.clear(view, &mut room.scratch);
-            sum = (sum.0 + clear / self.channels.len() as f64, surface);
-        }
-        sum
+    fn clear(&self, _: &View, brought: &Arrival, _: &mut Room) -> (f64, bool) {
+        (brought.clear.0 / self.channels.len() as f64, brought.clear.1 > 0.0)
     }
 
     fn scratch(room: &Room) -> &Scratch {

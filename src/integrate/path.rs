@@ -258,7 +258,7 @@ impl Transport for PathTracer {
         whole
     }
 
-    fn clear(&self, view: &View, scratch: &mut Scratch) -> (f64, bool) {
+    fn clear(&self, view: &View, _: &Arrival, scratch: &mut Scratch) -> (f64, bool) {
         let hit = self.surfaces.nearest(&view.ray, view.reach);
         let reach = hit.map_or(view.reach, |h| h.t);
         // The mean of the bands.

@@ -304,7 +304,7 @@ impl Channel {
             if !tracer.fire.is_empty() {
                 let near = if first { f32::INFINITY } else { tracer.fire.near_surface() };
                 let Room { scratch, before, own, .. } = room;
-                tracer.bands[0].media.profile(&ray, end, OPAQUE, scratch, before);
+                tracer.bands[0].media.profile(&ray, end, (OPAQUE, OPAQUE), scratch, before);
                 arrival.light[layer.beside(Layer::VolumeDirect) as usize] +=
                     throughput * tracer.fire_along(&ray, end.min(near), before, scratch, own);
             }
@@ -388,10 +388,10 @@ impl Transport for PhotonTracer {
         whole
     }
 
-    fn clear(&self, view: &View, room: &mut Room) -> (f64, bool) {
+    fn clear(&self, view: &View, brought: &Arrival, room: &mut Room) -> (f64, bool) {
         let mut sum = (0.0, false);
         for channel in &self.channels {
-            let (clear, surface) = channel.tracer.clear(view, &mut room.scratch);
+            let (clear, surface) = channel.tracer.clear(view, brought, &mut room.scratch);
             sum = (sum.0 + clear / self.channels.len() as f64, surface);
         }
         sum

@@ -56,6 +56,8 @@ pub(super) struct Arrival {
     pub wider: [f32; GROUPS],
     /// The mean distance to the first event, m, times the chance of one; and that chance.
     pub depth: (f64, f64),
+    /// The transmittance along it up to a surface or to its end, and the chance of a surface, where that is found on the way.
+    pub clear: (f64, f64),
     pub collisions: u64,
     pub truncated: u64,
 }
@@ -88,6 +90,7 @@ impl Arrival {
             *sum += light * tint;
         }
         self.depth = (self.depth.0 + other.depth.0, self.depth.1 + other.depth.1);
+        self.clear = (self.clear.0 + other.clear.0, self.clear.1 + other.clear.1);
         self.collisions += other.collisions;
         self.truncated += other.truncated;
     }
@@ -114,8 +117,9 @@ pub(super) trait Transport: Sync {
     /// What arrives along a camera ray.
     fn arrival(&self, view: &View, rng: &mut Rng, room: &mut Self::Room) -> Arrival;
 
-    /// The transmittance along a camera ray up to a surface, or to the end; and whether there is a surface.
-    fn clear(&self, view: &View, room: &mut Self::Room) -> (f64, bool);
+    /// The transmittance along a camera ray, which has brought what it brings, up to a surface, or to the end; and whether there is a
+    /// surface.
+    fn clear(&self, view: &View, brought: &Arrival, room: &mut Self::Room) -> (f64, bool);
 
     /// The room's part that media use.
     fn scratch(room: &Self::Room) -> &Scratch;
@@ -186,15 +190,15 @@ impl<Room> Tile<Room> {
             let at = |whole: u32, (part, of): (u32, u32), u: f32| whole as f32 + (part as f32 + u) / of as f32;
             let view = lens.view(at(x, (number % across, across), rng.uniform_f32()), at(y, (number / across, down), rng.uniform_f32()));
             let view = View { stratum: Stratum { number, bits, turns }, ..view };
-            if sample < CLEAR {
-                let (share, surface) = transport.clear(&view, &mut self.room);
-                (through, opaque) = (through + share, opaque + u32::from(surface));
-            }
             let wider = T::BLURS && sample.is_multiple_of(every);
             if T::BLURS {
                 T::widen(&mut self.room, wider);
             }
             let arrival = transport.arrival(&view, rng, &mut self.room);
+            if sample < CLEAR {
+                let (share, surface) = transport.clear(&view, &arrival, &mut self.room);
+                (through, opaque) = (through + share, opaque + u32::from(surface));
+            }
             if wider {
                 blur.add(&arrival.wider);
             }

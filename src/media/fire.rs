@@ -111,7 +111,7 @@ impl Fire {
     ) -> Vec3 {
         let mut profile = Profile::default();
         let one = |(media, colour): &(Media, Vec3)| {
-            media.profile(ray, reach, f64::INFINITY, scratch, &mut profile);
+            media.profile(ray, reach, (f64::INFINITY, f64::INFINITY), scratch, &mut profile);
             let whole = profile.depth();
             if whole > 0.0 { *colour * weight(profile.distance(pick() * whole, &mut 0)) * whole as f32 } else { Vec3::ZERO }
         };
@@ -130,7 +130,7 @@ impl Fire {
         own: &mut Profile,
     ) -> Vec3 {
         let one = |(media, colour): &(Media, Vec3)| {
-            media.profile(ray, reach, f64::INFINITY, scratch, own);
+            media.profile(ray, reach, (f64::INFINITY, f64::INFINITY), scratch, own);
             let mut sum = Vec3::ZERO;
             before.pass(own, |sent, at| sum += weight(at) * sent as f32);
             sum * *colour

@@ -38,6 +38,12 @@ impl Profile {
         self.steps.last().map_or(0.0, |s| s.after)
     }
 
+    /// The integrals of the square of extinction (1/m) and of extinction along the whole.
+    pub fn met(&self) -> (f64, f64) {
+        let square = |s: &Step| (s.after - s.before).powi(2) / (f64::from(s.to) - f64::from(s.from));
+        (self.steps.iter().map(square).sum(), self.depth())
+    }
+
     /// The distance at which the optical depth from the start is `tau`, below [`Profile::depth`]; `step` is where to look first,
     /// and is moved on: ask for increasing depths.
     pub fn distance(&self, tau: f64, step: &mut usize) -> f32 {
@@ -147,8 +153,9 @@ impl Profile {
 
 impl Media {
     /// Looks up the optical depth along the ray's first `t_max` metres: in closed form in homogeneous regions, by the exact mean of
-    /// each cell in grids. Grids end where what lies before alone has an optical depth of `most`.
-    pub fn profile(&self, ray: &Ray, t_max: f32, most: f64, scratch: &mut Scratch, out: &mut Profile) {
+    /// each cell in grids, that of each block where what lies before has an optical depth of `exact`. Grids end where it alone has one of
+    /// `most`.
+    pub fn profile(&self, ray: &Ray, t_max: f32, most: (f64, f64), scratch: &mut Scratch, out: &mut Profile) {
         out.pieces.clear();
         if !self.grids_alone() {
             self.intervals(ray, t_max, scratch);

@@ -1,5 +1,6 @@
 //! What of light's directions a field keeps.
 
+use super::orders::Through;
 use crate::integrate::lobe::Lobe;
 use crate::rng::Rng;
 use crate::sampling::around;
@@ -24,7 +25,8 @@ pub(super) enum Basis {
         /// The mean cosines, in increasing order.
         cosines: Vec<f64>,
         lobes: Vec<Lobe>,
-        /// Those of the media that pass for the scene's, where there are any.
+        /// The same seen through the media that pass for the scene's, where there are any: per unit of their optical depth; and their own.
+        worth: Vec<Lobe>,
         wide: Vec<Lobe>,
     },
     /// Any: radiance by harmonics of its direction of travel, of all degrees up to one of 0 to 3. A phase function of mean cosine g
@@ -33,17 +35,17 @@ pub(super) enum Basis {
 }
 
 impl Basis {
-    /// For a camera at `eye`, that sees light through the scene's media or through similar ones, as far from them as [`Similar::to`] says:
-    /// then what scatters in the scene's own is worth more, as its light is looked up per optical depth of the others.
+    /// For a camera at `eye`, that sees light through the scene's media or through similar ones too, as far from them as [`Similar::to`] says.
     pub fn view(scene: &Scene, eye: Vec3, similar: Option<f64>) -> Self {
         let mut cosines: Vec<f64> = scene.regions.iter().map(|r| r.medium.g).collect();
         cosines.sort_unstable_by(f64::total_cmp);
         cosines.dedup();
         let wide = similar.into_iter().flat_map(|part| cosines.iter().map(move |&g| Similar::to(g, part)));
         let worth = |g: f64| similar.map_or(1.0, |part| 1.0 / (1.0 - Similar::to(g, part).straight));
-        let lobes = cosines.iter().map(|&g| Lobe::new(g, Vec3::Z).times(worth(g))).collect();
         let wide = wide.map(|similar| Lobe::of(similar.phase, Vec3::Z)).collect();
-        Basis::View { eye, cosines, lobes, wide }
+        let lobes: Vec<Lobe> = cosines.iter().map(|&g| Lobe::new(g, Vec3::Z)).collect();
+        let worth = lobes.iter().zip(&cosines).map(|(lobe, &g)| lobe.times(worth(g))).collect();
+        Basis::View { eye, cosines, lobes, worth, wide }
     }
 
     /// Numbers that a voxel has.
@@ -57,18 +59,23 @@ impl Basis {
     /// The largest that light of 1 W m^-2 sr^-1 from one steradian can make any of them.
     pub fn peak(&self) -> f64 {
         match self {
-            Basis::View { lobes, .. } => lobes.iter().map(|lobe| f64::from(lobe.peak())).fold(0.0, f64::max),
+            Basis::View { worth, .. } => worth.iter().map(|lobe| f64::from(lobe.peak())).fold(0.0, f64::max),
             Basis::Around { .. } => 1.1,
         }
     }
 
-    /// What light that travels along `direction` at `p` makes of each, by the wider phase functions or by the scene's.
+    /// What light that travels along `direction` at `p` makes of each where it scatters in, and is seen through, such media.
     #[inline]
-    pub fn each(&self, p: Vec3, direction: Vec3, wider: bool, mut visit: impl FnMut(usize, f32)) {
+    pub fn each(&self, p: Vec3, direction: Vec3, (scattered, seen): (Through, Through), mut visit: impl FnMut(usize, f32)) {
         match self {
-            Basis::View { eye, lobes, wide, .. } => {
+            Basis::View { eye, lobes, worth, wide, .. } => {
                 let outward = (*eye - p).normalize_or_zero();
-                for (number, lobe) in if wider { wide } else { lobes }.iter().enumerate() {
+                let lobes = match (scattered, seen) {
+                    (Through::Own, Through::Own) => lobes,
+                    (Through::Own, Through::Similar) => worth,
+                    (Through::Similar, _) => wide,
+                };
+                for (number, lobe) in lobes.iter().enumerate() {
                     visit(number, lobe.toward(outward).value(direction));
                 }
             }

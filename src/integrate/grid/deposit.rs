@@ -2,7 +2,7 @@
 
 use super::basis::Basis;
 use super::field::Groups;
-use super::orders::{OWN, Orders};
+use super::orders::{Orders, Through};
 use super::space::Space;
 use crate::error::Result;
 use crate::geom::Ray;
@@ -146,7 +146,7 @@ impl Witness for Deposits<'_> {
 
     #[inline]
     fn similar(&self, events: u64) -> Option<&SimilarMedia> {
-        self.orders.similar().filter(|_| events >= OWN)
+        self.orders.met(events)
     }
 
     #[inline]
@@ -154,7 +154,8 @@ impl Witness for Deposits<'_> {
         if events == 0 {
             return;
         }
-        let (class, classes, wider) = (self.orders.class(events + 1), self.orders.count(), self.similar(events).is_some());
+        let (class, classes, last) = (self.orders.class(events + 1), self.orders.count(), self.orders.last(events + 1));
+        let wider = last.0 == Through::Similar;
         let (numbers, everywhere) = (self.basis.len(), self.basis.of_direction(ray.direction));
         let spacing = self.spacing * if wider { WIDER } else { 1.0 };
         let share = (power * self.whole) as f32 * if wider { WIDER } else { 1.0 };
@@ -167,7 +168,7 @@ impl Witness for Deposits<'_> {
             let first = (voxel * classes + class) * numbers;
             let each = |visit: &mut dyn FnMut(usize, f32)| match &everywhere {
                 Some(values) => values.iter().take(numbers).enumerate().for_each(|(number, &value)| visit(number, value)),
-                None => self.basis.each(p, ray.direction, wider, visit),
+                None => self.basis.each(p, ray.direction, last, visit),
             };
             // Below zero as the two's complement: sums come out right.
             let add = |place: usize, light: f32| self.sums[place].fetch_add(light as i64 as u64, Ordering::Relaxed);

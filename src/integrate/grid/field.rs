@@ -9,7 +9,7 @@
 use super::basis::Basis;
 use super::deposit::{Gathered, gather};
 use super::fit::{Fit, needed};
-use super::orders::Orders;
+use super::orders::{Orders, Through};
 use super::space::Space;
 use crate::bvh::Box3;
 use crate::error::Result;
@@ -55,6 +55,13 @@ pub(super) struct Found {
 }
 
 impl Found {
+    /// Adds what else was found.
+    pub fn add(&mut self, other: &Found) {
+        self.groups.iter_mut().zip(other.groups).for_each(|(sum, group)| *sum += group);
+        self.rgb += other.rgb;
+        self.doubt += other.doubt;
+    }
+
     /// By what luminance is to be multiplied for the colour of the whole.
     pub fn tint(&self) -> Vec3 {
         let whole: f32 = self.groups.iter().sum();
@@ -81,14 +88,21 @@ pub(super) struct Field {
     first: u64,
     seed: u64,
     coarser: f64,
-    /// Of each voxel and number of the basis, per unit of optical depth and of albedo: luminance by groups, and the channels of all
-    /// groups together.
+    /// What is seen through the scene's own media, and through similar ones; without voxels where nothing is.
+    own: Stored,
+    similar: Stored,
+    /// Whether a voxel has medium around it.
+    lit: Vec<bool>,
+}
+
+/// Light of each voxel and number of the basis, per unit of optical depth of the media through which it is seen, and of albedo.
+#[derive(Debug, Default)]
+struct Stored {
+    /// Luminance by groups, and the channels of all groups together.
     light: Vec<Groups>,
     rgb: Vec<[f32; 3]>,
     /// By how much smoothing may be off there, all groups together.
     doubt: Vec<f32>,
-    /// Whether a voxel has medium around it.
-    lit: Vec<bool>,
 }
 
 impl Field {
@@ -97,10 +111,15 @@ impl Field {
         let Request { first, seed, coarser, .. } = request;
         let space = Space::new(&request);
         let Request { basis, orders, .. } = request;
-        Field { basis, orders, space, items: 0, first, seed, coarser, light: vec![], rgb: vec![], doubt: vec![], lit: vec![] }
+        Field { basis, orders, space, items: 0, first, seed, coarser, own: Stored::default(), similar: Stored::default(), lit: vec![] }
     }
 
-    /// The media through which it is seen, where they are not the scene's own: light is per optical depth of those.
+    /// Whether some of its light is seen through the scene's own media.
+    pub(super) fn seen_through_own(&self) -> bool {
+        !self.own.light.is_empty()
+    }
+
+    /// The media through which the rest is seen, where they are not the scene's own.
     pub(super) fn similar(&self) -> Option<&SimilarMedia> {
         self.orders.similar()
     }
@@ -122,20 +141,26 @@ impl Field {
         progress.begin("smoothing", self.orders.count() as u64);
         let (Space { frame, fill, usual, .. }, numbers) = (&self.space, self.basis.len());
         let needed = needed(frame, fill);
-        self.light = vec![[0.0f32; GROUPS]; frame.voxels() * numbers];
-        self.doubt = vec![0.0; frame.voxels() * numbers];
-        let mut colour = vec![[0.0f32; 2]; frame.voxels() * numbers];
+        (self.own, self.similar) = (Stored::default(), Stored::default());
+        let mut colours = [vec![], vec![]];
         self.lit = vec![true; frame.voxels()];
         // Each group is an estimate of its own; their mean is the field.
         let each = (1.0 / self.photons() as f64) as f32;
-        for (class, (gathered, colours)) in gathered.light.iter().zip(&gathered.colour).enumerate() {
+        for (class, (gathered, colour_of)) in gathered.light.iter().zip(&gathered.colour).enumerate() {
             progress.check()?;
+            let (stored, colour) = match self.orders.through(class) {
+                Through::Own => (&mut self.own, &mut colours[0]),
+                Through::Similar => (&mut self.similar, &mut colours[1]),
+            };
+            stored.light.resize(frame.voxels() * numbers, [0.0; GROUPS]);
+            stored.doubt.resize(frame.voxels() * numbers, 0.0);
+            colour.resize(frame.voxels() * numbers, [0.0f32; 2]);
             progress.at(class as u64);
             let fit = Fit::new(frame, fill, &needed, self.coarser * self.orders.kernel(class, crowd) / (usual * f64::from(frame.step)));
             self.lit.iter_mut().enumerate().for_each(|(voxel, lit)| *lit &= fit.holds(voxel));
             for number in 0..numbers {
-                if !colours.is_empty() {
-                    let one: Vec<[f32; 2]> = (0..frame.voxels()).map(|i| colours[i * numbers + number].map(|c| each * c)).collect();
+                if !colour_of.is_empty() {
+                    let one: Vec<[f32; 2]> = (0..frame.voxels()).map(|i| colour_of[i * numbers + number].map(|c| each * c)).collect();
                     for (sum, add) in colour.iter_mut().skip(number).step_by(numbers).zip(fit.smooth(&one).0) {
                         *sum = [sum[0] + add[0], sum[1] + add[1]];
                     }
@@ -145,10 +170,10 @@ impl Field {
                         |i: usize| -> [f32; LANES] { std::array::from_fn(|lane| each * gathered[i * numbers + number][first + lane]) };
                     let one: Vec<[f32; LANES]> = (0..frame.voxels()).into_par_iter().map(part).collect();
                     let (smooth, last) = fit.smooth(&one);
-                    for (sum, add) in self.light.iter_mut().skip(number).step_by(numbers).zip(smooth) {
+                    for (sum, add) in stored.light.iter_mut().skip(number).step_by(numbers).zip(smooth) {
                         sum[first..].iter_mut().zip(add).for_each(|(s, a)| *s += a);
                     }
-                    for (sum, add) in self.doubt.iter_mut().skip(number).step_by(numbers).zip(last) {
+                    for (sum, add) in stored.doubt.iter_mut().skip(number).step_by(numbers).zip(last) {
                         *sum += add.iter().sum::<f32>();
                     }
                 }
@@ -162,7 +187,9 @@ impl Field {
                 None => [red, (whole - 0.2126 * red - 0.0722 * blue) / 0.7152, blue],
             }
         };
-        self.rgb = self.light.iter().zip(colour).map(rgb).collect();
+        for (stored, colour) in [&mut self.own, &mut self.similar].into_iter().zip(colours) {
+            stored.rgb = stored.light.iter().zip(colour).map(rgb).collect();
+        }
         Ok(())
     }
 
@@ -172,9 +199,10 @@ impl Field {
     }
 
     /// Adds `share`, by channel, of the light that scattering with mean cosine `g` at `p` sends into `outward`, per unit of optical depth
-    /// and of albedo. In the field of a camera `outward` is the way to it.
+    /// and of albedo, as far as it is seen through such media. In the field of a camera `outward` is the way to it.
     #[inline]
-    pub(super) fn scattered(&self, p: Vec3, outward: Vec3, g: f64, share: Vec3, into: &mut Found) {
+    pub(super) fn scattered(&self, through: Through, (p, outward): (Vec3, Vec3), g: f64, share: Vec3, into: &mut Found) {
+        let stored = if through == Through::Own { &self.own } else { &self.similar };
         let (mut whole, mut found, mut count) = (0.0f32, [(0usize, 0.0f32); 8], 0);
         self.space.frame.around(p, |voxel, weight| {
             if self.lit[voxel] {
@@ -192,9 +220,9 @@ impl Field {
             let weight = weight / whole;
             self.basis.shares(g, outward, |number, part| {
                 let (place, part) = (voxel * numbers + number, weight * part);
-                into.groups.iter_mut().zip(&self.light[place]).for_each(|(s, &l)| *s += of_grey * part * l);
-                into.rgb += share * part * Vec3::from_array(self.rgb[place]);
-                into.doubt += of_grey * part * self.doubt[place];
+                into.groups.iter_mut().zip(&stored.light[place]).for_each(|(s, &l)| *s += of_grey * part * l);
+                into.rgb += share * part * Vec3::from_array(stored.rgb[place]);
+                into.doubt += of_grey * part * stored.doubt[place];
             });
         }
     }

@@ -6,39 +6,68 @@ use glam::DVec3;
 
 /// The last order of each class of light, and the usual standard deviation of its kernel in mean free paths.
 const ALL: [(u64, f64); 5] = [(2, 0.55), (4, 0.8), (8, 1.2), (16, 1.7), (u64::MAX, 2.4)];
-/// The same where light is followed in similar media: they count fewer scatterings.
-const SIMILAR: [(u64, f64); 3] = [(OWN, 0.8), (OWN + 2, 1.2), (u64::MAX, 2.2)];
-/// Media may be as far from the scene's as this where so many photons are followed, and less by this power of their number where they are more,
-/// so that what that is off by falls as noise does. From [`EXACT`] on light keeps to the scene's own.
-const FARTHEST: f64 = 0.97;
-const FEW: f64 = 200e3;
+/// The same where light is followed in similar media: that of the first [`FEWEST`] scatterings in the scene's own, and what scattered in others,
+/// which count fewer.
+const FEWEST: u64 = 2;
+const SIMILAR: [(u64, f64); 3] = [(FEWEST, 0.8), (FEWEST + 2, 1.2), (u64::MAX, 2.2)];
+/// Media may be as far from the scene's as this where so many photons start over each square mean free path, and less by this power of their
+/// number where they are more, so that what that is off by falls as noise does; and no farther than [`FARTHEST`]. From [`EXACT`] on light keeps to
+/// the scene's own.
+const FAR: f64 = 0.9;
+const FEW: f64 = 84.0;
 const NEARER: f64 = 0.1;
-const EXACT: f64 = 12e6;
-/// By how much light in the farthest may be off: so much it was found to be, in blocks of pixels, against the path tracer. It falls about as the
-/// cube of how far they are.
+const FARTHEST: f64 = 0.97;
+const EXACT: f64 = 5000.0;
+/// By how much light in the farthest may be off: so much it was found to be, in blocks of pixels, against the path tracer. It falls about as this
+/// power of how far they are.
 const OFF: f64 = 0.016;
-/// Scatterings of which light remembers the directions, in the scene's own media, before similar ones pass for them.
-pub(super) const OWN: u64 = 2;
+const FALLS: i32 = 5;
+/// Below so many photons over a square mean free path kernels grow by another power of their number, and never to more than so many times.
+const SPARSE: f64 = 25.0;
+const FASTER: f64 = 0.3;
+const WIDEST: f64 = 3.5;
+
+/// Through which media light is seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Through {
+    Own,
+    Similar,
+}
 
 /// How the orders of a field are dealt with.
 #[derive(Debug)]
 pub(super) struct Orders {
     /// With how far they are ([`crate::scene::Similar::to`]).
     similar: Option<(SimilarMedia, f64)>,
-    classes: &'static [(u64, f64)],
+    /// Scatterings in the scene's own media before similar ones pass for them: light of fewer orders is seen through its own, too.
+    own: u64,
+    classes: Vec<(u64, f64)>,
 }
 
 impl Orders {
     /// All of them in the scene's own media.
     pub fn own() -> Self {
-        Orders { similar: None, classes: &ALL }
+        Orders { similar: None, own: u64::MAX, classes: ALL.to_vec() }
     }
 
-    /// In similar media, where the scene has peaked phase functions and photons are not too many for them.
-    pub fn similarly(scene: &Scene, origin: DVec3, photons: u64) -> Self {
-        let part = FARTHEST * (FEW / (photons as f64).max(FEW)).powf(NEARER);
-        let similar = if photons as f64 >= EXACT { None } else { SimilarMedia::of(scene, part, origin) };
-        similar.map_or_else(Orders::own, |similar| Orders { similar: Some((similar, part)), classes: &SIMILAR })
+    /// After so many scatterings in similar media, where the scene has peaked phase functions and photons, so many over each square mean free path,
+    /// are not too many for them.
+    pub fn similarly(scene: &Scene, origin: DVec3, crowd: f64, own: u64) -> Self {
+        let part = (FAR * (FEW / crowd).powf(NEARER)).min(FARTHEST);
+        if crowd >= EXACT {
+            return Orders::own();
+        }
+        let Some(similar) = SimilarMedia::of(scene, part, origin) else { return Orders::own() };
+        let own = own.max(FEWEST);
+        let mut classes = SIMILAR.to_vec();
+        if own > FEWEST {
+            let width = |order: u64| ALL.iter().find(|(last, _)| *last >= order).map_or(0.0, |class| class.1);
+            let lasts = [2, 4.min(own - 1), own - 1, own + 2];
+            classes = lasts.map(|last| (last, width(last.min(own)))).to_vec();
+            classes.dedup_by_key(|class| class.0);
+            classes.push(SIMILAR[2]);
+        }
+        Orders { similar: Some((similar, part)), own, classes }
     }
 
     /// How far the similar media are from the scene's.
@@ -48,7 +77,7 @@ impl Orders {
 
     /// By what share of itself light in similar media may be off.
     pub fn off(&self) -> f32 {
-        self.part().map_or(0.0, |part| OFF * (part / FARTHEST).powi(3)) as f32
+        self.part().map_or(0.0, |part| OFF * (part / FARTHEST).powi(FALLS)) as f32
     }
 
     /// How many classes there are.
@@ -57,10 +86,13 @@ impl Orders {
     }
 
     /// The standard deviation of a class's kernel in mean free paths, where so many photons start over each square mean free path. The kernel that
-    /// is best grows slowly as they get fewer: with twicing its bias falls as a high power of its width.
+    /// is best grows slowly as they get fewer: with twicing its bias falls as a high power of its width. Where they are very few, pixels are wider
+    /// than mean free paths, and it grows faster.
     pub fn kernel(&self, class: usize, crowd: f64) -> f64 {
-        let (usual, power) = if self.similar.is_some() { (100.0, 1.0 / 8.0) } else { (200.0, 1.0 / 11.0) };
-        self.classes[class].1 * (usual / crowd).powf(power).clamp(0.4, 2.0)
+        let (usual, power, sparse) =
+            if self.through(class) == Through::Similar { (100.0, 1.0 / 8.0, SPARSE) } else { (200.0, 1.0 / 11.0, 0.0) };
+        let faster = (sparse / crowd).max(1.0).powf(FASTER);
+        self.classes[class].1 * ((usual / crowd).powf(power).clamp(0.4, 2.0) * faster).min(WIDEST)
     }
 
     /// The class of an order of scattering.
@@ -69,9 +101,27 @@ impl Orders {
         self.classes.iter().filter(|&&(last, _)| last < order).count()
     }
 
-    /// The media through which light is followed from [`OWN`] scatterings on, and seen.
+    /// Through which media a class is seen.
+    pub fn through(&self, class: usize) -> Through {
+        if self.similar.is_none() || self.classes[class].0 < self.own { Through::Own } else { Through::Similar }
+    }
+
+    /// In which media light scatters for the last time that has scattered so often, and through which it is seen.
+    #[inline]
+    pub fn last(&self, order: u64) -> (Through, Through) {
+        let side = |own: bool| if own { Through::Own } else { Through::Similar };
+        (side(order <= self.own), side(order < self.own))
+    }
+
+    /// The similar media.
     #[inline]
     pub fn similar(&self) -> Option<&SimilarMedia> {
         self.similar.as_ref().map(|similar| &similar.0)
+    }
+
+    /// The media that light meets that has scattered so often, where they are not the scene's own.
+    #[inline]
+    pub fn met(&self, events: u64) -> Option<&SimilarMedia> {
+        self.similar().filter(|_| events >= self.own)
     }
 }

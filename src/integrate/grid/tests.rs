@@ -2,6 +2,7 @@
 //!
 //! `cargo test --release --lib grid::tests -- --nocapture` prints every figure with its error.
 
+mod against;
 mod air;
 mod cast;
 mod fit;

@@ -1,6 +1,7 @@
 //! Ways of light from the camera: through media, where light is looked up, and off surfaces.
 
 use super::field::{Field, Found};
+use super::orders::Through;
 use super::{Channel, Room};
 use crate::geom::Ray;
 use crate::integrate::lens::{Stratum, View};
@@ -14,6 +15,8 @@ const SLICE: f64 = 0.125;
 const COARSE: f64 = 0.5;
 /// And of light that is seen through similar media.
 const SIMILAR: f64 = 0.25;
+/// Up to this optical depth extinction in grids is integrated exactly; behind it is little light, and that of similar media is even.
+const EXACT: f64 = 8.0;
 /// Beyond this optical depth nothing is seen.
 const OPAQUE: f64 = 14.0;
 /// Nor behind so much of similar media.
@@ -34,7 +37,7 @@ enum Counted {
 struct Stretch {
     direct: Vec3,
     found: Found,
-    clear: f32,
+    clear: f64,
     /// The mean distance of a collision, m, times its chance.
     far: f64,
     looks: u64,
@@ -67,18 +70,19 @@ impl Channel {
         loop {
             let hit = tracer.surfaces.nearest(&ray, reach);
             let free = hit.map_or(reach, |h| h.t);
+            let air = band.air.transmittance(&ray, free);
             let clear = if counted == Counted::Rest {
-                (-band.media.optical_depth(&ray, free, &mut room.scratch)).exp() as f32
+                (-band.media.optical_depth(&ray, free, &mut room.scratch)).exp()
             } else {
                 let Stretch { far, clear, .. } = self.media((&ray, stratum), free, (layer, throughput), &mut arrival, rng, room);
                 if !begun {
-                    let chance = f64::from(1.0 - clear);
-                    arrival.depth = hit.map_or((far, chance), |hit| (far + f64::from(clear) * f64::from(hit.t), 1.0));
+                    arrival.depth = hit.map_or((far, 1.0 - clear), |hit| (far + clear * f64::from(hit.t), 1.0));
+                    arrival.clear = (clear * f64::from(air.element_sum() / 3.0), if hit.is_some() { 1.0 } else { 0.0 });
                 }
                 clear
             };
             begun = true;
-            throughput *= clear * band.air.transmittance(&ray, free);
+            throughput *= clear as f32 * air;
             let Some(hit) = hit else {
                 if counted != Counted::Media {
                     arrival.light[layer as usize] += throughput * tracer.sky.met(ray.direction, own);
@@ -163,7 +167,7 @@ impl Channel {
         let (tracer, band) = (&self.tracer, &self.tracer.bands[0]);
         let similar = field.and_then(|field| Some((field, field.similar()?)));
         let opaque = similar.map_or(OPAQUE, |(_, similar)| OPAQUE.max(HAZY / similar.thinnest()));
-        band.media.profile(ray, reach, opaque, &mut room.scratch, &mut room.profile);
+        band.media.profile(ray, reach, (EXACT, opaque), &mut room.scratch, &mut room.profile);
         let depth = room.profile.depth();
         let chance = -(-depth).exp_m1();
         let slices = (chance / slice).ceil() as u32;
@@ -179,8 +183,8 @@ impl Channel {
             let sun = tracer.sun.in_medium(band, &tracer.surfaces, &here, (g, 1.0), rng, &mut room.scratch).0;
             direct += albedo * before * (sun + tracer.lamps_in_medium(band, &here, g, rng, &mut room.scratch));
             far += f64::from(distance);
-            if let Some(field) = field.filter(|field| field.similar().is_none()) {
-                field.scattered(here.origin, -ray.direction, g, before * albedo * weight as f32, &mut found);
+            if let Some(field) = field.filter(|field| field.seen_through_own()) {
+                field.scattered(Through::Own, (here.origin, -ray.direction), g, before * albedo * weight as f32, &mut found);
             }
         }
         if let Some((field, similar)) = similar {
@@ -188,17 +192,18 @@ impl Channel {
             room.profile.times(|region| similar.ratio(region), profile);
             let chance = -(-profile.depth()).exp_m1();
             let slices = (chance / SIMILAR).ceil() as u32;
-            let (weight, mut step) = (chance / f64::from(slices.max(1)), 0);
+            let (weight, mut step, mut far) = (chance / f64::from(slices.max(1)), 0, Found::default());
             for i in 0..slices {
                 let tau = -(-(f64::from(i) + rng.uniform()) * weight).ln_1p();
                 let distance = profile.distance(tau, &mut step);
                 let region = profile.region(distance, || rng.uniform());
                 let share = band.air.transmittance(ray, distance) * (media.optics(region).albedo * weight) as f32;
                 let g = band.optics[region as usize].1;
-                field.scattered(ray.at(distance), -ray.direction, g, share, &mut found);
+                field.scattered(Through::Similar, (ray.at(distance), -ray.direction), g, share, &mut far);
             }
-            found.doubt = found.doubt.hypot(field.off() * found.groups.iter().sum::<f32>());
+            far.doubt = far.doubt.hypot(field.off() * far.groups.iter().sum::<f32>());
+            found.add(&far);
         }
-        Stretch { direct: direct * weight as f32, found, clear: (-depth).exp() as f32, far: far * weight, looks: slices.into() }
+        Stretch { direct: direct * weight as f32, found, clear: (-depth).exp(), far: far * weight, looks: slices.into() }
     }
 }

@@ -77,20 +77,23 @@ impl Grid {
         sum * self.sigma_t
     }
 
-    /// Visits the stretches of the first `t_max` metres within cells that are not empty, with their mean extinction (1/m), until their
-    /// optical depth is `most`.
-    pub(in crate::media) fn pieces(&self, ray: &Ray, t_max: f32, most: f64, mut visit: impl FnMut(f32, f32, f32)) {
+    /// Visits the stretches of the first `t_max` metres that are not empty, with their mean extinction (1/m), until their optical depth is
+    /// `most`: within cells, exactly, until it is `exact`, and behind that by the means of blocks.
+    pub(in crate::media) fn pieces(&self, ray: &Ray, t_max: f32, (exact, most): (f64, f64), mut visit: impl FnMut(f32, f32, f32)) {
         let mut sum = 0.0;
-        self.walk::<true>(ray, t_max, |segment| {
-            let depth = self.depth(&segment) * self.sigma_t;
-            if depth > 0.0 {
-                let (from, to) = (segment.before + segment.from, segment.before + segment.to);
-                if to > from {
-                    visit(from, to, (depth / f64::from(to - from)) as f32);
-                }
-                sum += depth;
+        let mut tell = |at: &Segment, depth: f64, sum: &mut f64| {
+            let (from, to) = (at.before + at.from, at.before + at.to);
+            if depth > 0.0 && to > from {
+                visit(from, to, (depth / f64::from(to - from)) as f32);
             }
-            if sum < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            *sum += depth;
+            if *sum < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        self.walk::<false>(ray, t_max, |block| {
+            if sum < exact {
+                return block.cells(&mut |cell| tell(&cell, self.depth(&cell) * self.sigma_t, &mut sum));
+            }
+            tell(&block, f64::from(block.to - block.from) * f64::from(self.mean(block.low)) * self.sigma_t, &mut sum)
         });
     }
 

@@ -33,7 +33,7 @@ pub(super) struct Segment {
 impl Segment {
     /// Visits the stretches within cells, in order: a cell on each time, and never back.
     #[inline]
-    fn cells(&self, visit: &mut impl FnMut(Segment) -> ControlFlow<()>) -> ControlFlow<()> {
+    pub(super) fn cells(&self, visit: &mut impl FnMut(Segment) -> ControlFlow<()>) -> ControlFlow<()> {
         let (origin, inverse) = (self.origin.to_array(), self.inverse.to_array());
         let stride = inverse.map(|i| if i > 0.0 { 1 } else { -1 });
         let ahead = stride.map(|s: i32| s.max(0));

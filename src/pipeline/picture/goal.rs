@@ -30,9 +30,13 @@ pub struct Taking {
     pub notes: Vec<String>,
 }
 
+/// Quick pictures have about so many pixels, where nothing of them is kept.
+const QUICK: f64 = 27_000.0;
 /// The first picture.
 const FIRST_PHOTONS: u64 = 32_768;
-const FIRST_SPP: [u32; 2] = [8, 4];
+const FIRST_SPP: u32 = 4;
+/// Samples of a pixel in the first look at what is lit.
+const FEW_SPP: f64 = 8.0;
 /// What the second has of the photons of the last, or of its samples; and how many times its work the last must be for it to be worth it.
 const SHARE: f64 = 0.05;
 const WORTH: f64 = 8.0;
@@ -56,10 +60,18 @@ pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSet
         }
         settings
     };
-    let mut series = Series::new(scene, framed, watch);
+    let pixels = f64::from(settings.width) * f64::from(settings.height);
+    // What air sends is looked up by the picture's pixels: it tells of no other picture.
+    let small = grid && !watch.keeps() && scene.air.is_empty();
+    let fewer = if small { (pixels / QUICK).sqrt().floor().max(1.0) as u32 } else { 1 };
+    let quickly = |wanted: (f64, f64)| {
+        let settings = of(wanted);
+        RenderSettings { width: (settings.width / fewer).max(1), height: (settings.height / fewer).max(1), ..settings }
+    };
+    let mut series = Series::new(scene, framed, settings, watch);
     let mut notes = Vec::new();
-    let least = (if grid { FIRST_PHOTONS as f64 } else { settings.photon.photons as f64 }, FIRST_SPP[usize::from(!grid)].into());
-    let mut whole = series.take(&of(least), least.0 as u64, None)?;
+    let least = (if grid { FIRST_PHOTONS as f64 } else { settings.photon.photons as f64 }, FIRST_SPP.into());
+    let mut whole = series.take(&quickly(least), least.0 as u64, None)?;
     let mut expected = None;
     let mut done = false;
     for picture in 2..=PICTURES {
@@ -70,7 +82,8 @@ pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSet
             break;
         };
         let elapsed = series.elapsed()?;
-        if !whole || done || goal.error.is_some_and(|goal| error <= goal) {
+        let counts = series.of_full_size();
+        if !whole || done || (counts && goal.error.is_some_and(|goal| error <= goal)) {
             break;
         }
         let left = goal.seconds.map_or(f64::INFINITY, |seconds| seconds - elapsed);
@@ -86,7 +99,7 @@ pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSet
                 forecast.within(AIM_SECONDS * left)
             }
         };
-        if forecast.seconds(wanted) > left || forecast.error(wanted) >= error {
+        if counts && (forecast.seconds(wanted) > left || forecast.error(wanted) >= error) {
             break;
         }
         let quick = if grid { ((SHARE * wanted.0).round(), least.1) } else { (wanted.0, (SHARE * wanted.1).round()) };
@@ -94,7 +107,7 @@ pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSet
         if picture == 2 && more && forecast.work(wanted) > WORTH * forecast.work(quick) {
             // Not the picture yet: one of a twentieth tells more of it.
             done = false;
-            whole = series.take(&of(quick), quick.0 as u64, None)?;
+            whole = series.take(&quickly(quick), quick.0 as u64, None)?;
             continue;
         }
         series.prepare(&of(wanted), wanted.0 as u64, None)?;
@@ -103,11 +116,14 @@ pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSet
         watch.expects(error, seconds);
         expected.get_or_insert(Expected { relative_error: error, seconds: series.elapsed()? + seconds });
         // By few samples first, where there are photons: these leave so much to the others.
-        let spp = if grid { least.1 } else { wanted.1 };
+        let spp = if grid { wanted.1.min(FEW_SPP) } else { wanted.1 };
         whole = series.brighten()? && series.expose(spp as u32)?;
         if whole && grid {
             whole = close(&mut series, goal, done)?;
         }
+    }
+    if whole && !series.of_full_size() {
+        whole = series.take(&of(least), least.0 as u64, None)?;
     }
     let last = series.settings().copied().unwrap_or(*settings);
     let (film, mut render) = series.end(goal.error)?;

@@ -19,6 +19,8 @@ const RENDER: &str = "render";
 pub(super) struct Series<'a> {
     scene: &'a Scene,
     framed: &'a Framed,
+    /// By what the picture is asked for; quick ones may be by other photons and samples, and smaller.
+    settings: RenderSettings,
     /// The effects of what is rendered: regions of the duality overlap where those of the layout may not.
     plan: Plan,
     pub watch: &'a dyn Progress,
@@ -35,9 +37,21 @@ pub(super) struct Series<'a> {
 
 impl<'a> Series<'a> {
     /// Before the first picture.
-    pub fn new(scene: &'a Scene, framed: &'a Framed, watch: &'a dyn Progress) -> Self {
+    pub fn new(scene: &'a Scene, framed: &'a Framed, settings: &RenderSettings, watch: &'a dyn Progress) -> Self {
         let plan = Plan::for_scene(scene, Density::Source);
-        Series { scene, framed, plan, watch, begun: Instant::now(), ready: None, last: None, shot: None, before: None, cut: None }
+        Series {
+            scene,
+            framed,
+            settings: *settings,
+            plan,
+            watch,
+            begun: Instant::now(),
+            ready: None,
+            last: None,
+            shot: None,
+            before: None,
+            cut: None,
+        }
     }
 
     /// Makes ready for pictures with voxels as for so many photons: these are known then, and nothing is lit yet.
@@ -144,10 +158,14 @@ impl<'a> Series<'a> {
         self.last.as_ref().and_then(|(_, rendering, _)| rendering.film.relative_error())
     }
 
+    /// Whether the last picture has the size that was asked for.
+    pub fn of_full_size(&self) -> bool {
+        self.last.as_ref().is_some_and(|(settings, ..)| settings.width == self.settings.width && settings.height == self.settings.height)
+    }
+
     /// What others would be, by the last picture and the one before it.
     pub fn forecast(&self) -> Option<Forecast> {
-        let (settings, ..) = self.last.as_ref()?;
-        Some(Forecast::new(settings, self.shot?, self.before, !self.scene.air.is_empty()))
+        Some(Forecast::new(&self.settings, self.shot?, self.before, !self.scene.air.is_empty()))
     }
 
     /// The last picture, and what it says of itself, also of an error that was `asked` for.
@@ -187,7 +205,7 @@ pub fn take(
     pass1: Option<PhotonMap>,
     watch: &dyn Progress,
 ) -> Result<(Film, Render)> {
-    let mut series = Series::new(scene, framed, watch);
+    let mut series = Series::new(scene, framed, settings, watch);
     for fewer in FEWER.into_iter().filter(|_| watch.keeps() && settings.integrator != Integrator::Photon) {
         let mut quick = RenderSettings { spp: (settings.spp / fewer).max(FEWEST.0), ..*settings };
         quick.photon.photons /= u64::from(fewer);
