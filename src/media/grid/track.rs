@@ -4,6 +4,7 @@ use super::walk::{Segment, cell_at};
 use super::{Grid, trilinear};
 use crate::geom::Ray;
 use crate::media::Scratch;
+use crate::media::profile::Piece;
 use crate::rng::Rng;
 use glam::IVec3;
 use std::ops::ControlFlow;
@@ -77,18 +78,20 @@ impl Grid {
         sum * self.sigma_t
     }
 
-    /// Visits the stretches of the first `t_max` metres within cells that are not empty, with their mean extinction (1/m), until their
-    /// optical depth is `most`.
-    pub(in crate::media) fn pieces(&self, ray: &Ray, t_max: f32, most: f64, mut visit: impl FnMut(f32, f32, f32)) {
+    /// Visits the stretches of the first `t_max` metres within cells that are not empty, until their optical depth is `most`.
+    pub(in crate::media) fn pieces(&self, ray: &Ray, t_max: f32, most: f64, mut visit: impl FnMut(Piece)) {
         let mut sum = 0.0;
         self.walk::<true>(ray, t_max, |segment| {
-            let depth = self.depth(&segment) * self.sigma_t;
-            if depth > 0.0 {
+            let densities = self.densities(&segment);
+            let mean = simpson(densities);
+            if mean > 0.0 {
                 let (from, to) = (segment.before + segment.from, segment.before + segment.to);
                 if to > from {
-                    visit(from, to, (depth / f64::from(to - from)) as f32);
+                    // Ends that differ by twice the mean leave nothing at one of them.
+                    let tilt = (0.5 * (densities[2] - densities[0]) / mean).clamp(-1.0, 1.0);
+                    visit(Piece { from, to, sigma: (f64::from(mean) * self.sigma_t) as f32, tilt, region: self.region });
                 }
-                sum += depth;
+                sum += f64::from(segment.to - segment.from) * f64::from(mean) * self.sigma_t;
             }
             if sum < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
@@ -97,11 +100,16 @@ impl Grid {
     /// The integral of density along a stretch within one cell, by Simpson's rule.
     #[inline]
     fn depth(&self, segment: &Segment) -> f64 {
+        f64::from(segment.to - segment.from) * f64::from(simpson(self.densities(segment)))
+    }
+
+    /// Densities at the start, the middle and the end of a stretch within one cell.
+    #[inline]
+    fn densities(&self, segment: &Segment) -> [f32; 3] {
         let corners = self.corners(segment.low);
         let low = segment.low.as_vec3a();
-        let density = |t: f32| trilinear(&corners, segment.origin + segment.direction * t - low);
         let (from, to) = (segment.from, segment.to);
-        f64::from(to - from) * f64::from(density(from) + 4.0 * density(0.5 * (from + to)) + density(to)) * (1.0 / 6.0)
+        [from, 0.5 * (from + to), to].map(|t| trilinear(&corners, segment.origin + segment.direction * t - low))
     }
 
     /// Whether a collision at distance `at` is one by one of the eight samples around it, drawn by its weight.
@@ -127,4 +135,10 @@ impl Grid {
         *violations += u64::from(value > segment.majorant);
         level < value
     }
+}
+
+/// The mean of what is a cubic, by its start, middle and end.
+#[inline]
+fn simpson([from, middle, to]: [f32; 3]) -> f32 {
+    (from + 4.0 * middle + to) * (1.0 / 6.0)
 }
