@@ -5,20 +5,36 @@ use crate::bvh::Box3;
 use crate::geom::Ray;
 use glam::Vec3;
 
-/// A stretch of a ray in one region, with even extinction.
+/// A stretch of a ray in one region, along which extinction is a straight line: from `1 - tilt` times its mean to `1 + tilt` times.
 #[derive(Debug, Clone, Copy)]
-struct Piece {
-    from: f32,
-    to: f32,
-    sigma: f32,
-    region: u32,
+pub(in crate::media) struct Piece {
+    pub from: f32,
+    pub to: f32,
+    /// The mean, 1/m.
+    pub sigma: f32,
+    /// From -1 to 1.
+    pub tilt: f32,
+    pub region: u32,
 }
 
-/// A stretch within which extinction is even, all regions together.
+impl Piece {
+    /// By how much extinction grows along it, 1/m^2.
+    fn slope(&self) -> f64 {
+        2.0 * f64::from(self.sigma) * f64::from(self.tilt) / (f64::from(self.to) - f64::from(self.from))
+    }
+
+    /// The extinction at a distance within it, 1/m.
+    fn at(&self, distance: f32) -> f64 {
+        f64::from(self.sigma) * (1.0 - f64::from(self.tilt)) + self.slope() * f64::from(distance - self.from)
+    }
+}
+
+/// The same of all regions together.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     from: f32,
     to: f32,
+    tilt: f32,
     /// Optical depth from the ray's start to here.
     before: f64,
     after: f64,
@@ -29,7 +45,16 @@ struct Step {
 pub struct Profile {
     pieces: Vec<Piece>,
     steps: Vec<Step>,
-    ends: Vec<(f32, f32)>,
+    ends: Vec<End>,
+}
+
+/// Where a piece begins or ends: how many more there are, and what that adds to the straight line of the extinction, at distance 0 and per
+/// metre.
+#[derive(Debug, Clone, Copy)]
+struct End {
+    at: f32,
+    more: i32,
+    line: [f64; 2],
 }
 
 impl Profile {
@@ -40,7 +65,9 @@ impl Profile {
 
     /// The integrals of the square of extinction (1/m) and of extinction along the whole.
     pub fn met(&self) -> (f64, f64) {
-        let square = |s: &Step| (s.after - s.before).powi(2) / (f64::from(s.to) - f64::from(s.from));
+        // Of a straight line.
+        let square =
+            |s: &Step| (s.after - s.before).powi(2) * f64::from(1.0 + s.tilt * s.tilt / 3.0) / (f64::from(s.to) - f64::from(s.from));
         (self.steps.iter().map(square).sum(), self.depth())
     }
 
@@ -51,15 +78,17 @@ impl Profile {
             *step += 1;
         }
         let Some(s) = self.steps.get(*step) else { return 0.0 };
-        let share = ((tau - s.before) / (s.after - s.before)).clamp(0.0, 1.0);
-        s.from + (s.to - s.from) * share as f32
+        // Of the length, the x with (1 - tilt) x + tilt x^2 = share.
+        let (share, tilt) = (((tau - s.before) / (s.after - s.before)).clamp(0.0, 1.0), f64::from(s.tilt));
+        let x = 2.0 * share / (1.0 - tilt + ((1.0 - tilt).powi(2) + 4.0 * tilt * share).sqrt()).max(f64::MIN_POSITIVE);
+        s.from + (s.to - s.from) * x.min(1.0) as f32
     }
 
     /// The optical depth from the start up to a distance.
     pub fn until(&self, distance: f32) -> f64 {
         let Some(s) = self.steps[..self.steps.partition_point(|s| s.from < distance)].last() else { return 0.0 };
-        let share = ((f64::from(distance) - f64::from(s.from)) / (f64::from(s.to) - f64::from(s.from))).min(1.0);
-        s.before + (s.after - s.before) * share
+        let (x, tilt) = (((f64::from(distance) - f64::from(s.from)) / (f64::from(s.to) - f64::from(s.from))).min(1.0), f64::from(s.tilt));
+        s.before + (s.after - s.before) * ((1.0 - tilt) * x + tilt * x * x)
     }
 
     /// The same ray through media of the same shapes, whose extinctions are so many times these.
@@ -105,11 +134,11 @@ impl Profile {
         if alone {
             return begun.last().or(self.pieces.first()).map_or(0, |p| p.region);
         }
-        let sum: f64 = begun.iter().filter(here).map(|p| f64::from(p.sigma)).sum();
+        let sum: f64 = begun.iter().filter(here).map(|p| p.at(distance)).sum();
         let (mut left, mut chosen) = (pick() * sum, begun.last().or(self.pieces.first()).map_or(0, |p| p.region));
         for piece in begun.iter().filter(here) {
             chosen = piece.region;
-            left -= f64::from(piece.sigma);
+            left -= piece.at(distance);
             if left < 0.0 {
                 break;
             }
@@ -127,34 +156,38 @@ impl Profile {
             for p in &self.pieces {
                 let before = depth;
                 depth += f64::from(p.sigma) * (f64::from(p.to) - f64::from(p.from));
-                self.steps.push(Step { from: p.from, to: p.to, before, after: depth });
+                self.steps.push(Step { from: p.from, to: p.to, tilt: p.tilt, before, after: depth });
             }
             return;
         }
         self.pieces.sort_unstable_by(|a, b| a.from.total_cmp(&b.from).then(a.region.cmp(&b.region)));
         for p in &self.pieces {
-            self.ends.push((p.from, p.sigma));
-            self.ends.push((p.to, -p.sigma));
+            let slope = p.slope();
+            let line = [f64::from(p.sigma) * (1.0 - f64::from(p.tilt)) - slope * f64::from(p.from), slope];
+            self.ends.push(End { at: p.from, more: 1, line });
+            self.ends.push(End { at: p.to, more: -1, line: line.map(|part| -part) });
         }
-        self.ends.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let (mut at, mut sigma, mut inside) = (0.0f32, 0.0f64, 0u32);
-        for &(t, change) in &self.ends {
-            if t > at && inside > 0 {
-                let before = depth;
-                depth += sigma.max(0.0) * (f64::from(t) - f64::from(at));
-                self.steps.push(Step { from: at, to: t, before, after: depth });
+        self.ends.sort_by(|a, b| a.at.total_cmp(&b.at));
+        let (mut at, mut line, mut inside) = (0.0f32, [0.0f64; 2], 0);
+        for end in &self.ends {
+            if end.at > at && inside > 0 {
+                let (before, half) = (depth, 0.5 * (f64::from(end.at) - f64::from(at)));
+                let sigma = (line[0] + line[1] * (f64::from(at) + half)).max(0.0);
+                depth += sigma * 2.0 * half;
+                let tilt = if sigma > 0.0 { (line[1] * half / sigma).clamp(-1.0, 1.0) as f32 } else { 0.0 };
+                self.steps.push(Step { from: at, to: end.at, tilt, before, after: depth });
             }
-            at = t;
-            inside = if change.is_sign_positive() { inside + 1 } else { inside - 1 };
-            sigma = if inside == 0 { 0.0 } else { sigma + f64::from(change) };
+            at = end.at;
+            inside += end.more;
+            line = if inside == 0 { [0.0; 2] } else { [0, 1].map(|i| line[i] + end.line[i]) };
         }
     }
 }
 
 impl Media {
-    /// Looks up the optical depth along the ray's first `t_max` metres: in closed form in homogeneous regions, by the exact mean of
-    /// each cell in grids, that of each block where what lies before has an optical depth of `exact`. Grids end where it alone has one of
-    /// `most`.
+    /// Looks up the optical depth along the ray's first `t_max` metres: in closed form in homogeneous regions; in each cell of grids by its
+    /// exact mean, and straight from end to end. Behind as much optical depth as `most` first says it is by the mean of each block; grids
+    /// end where they alone have as much as it says then.
     pub fn profile(&self, ray: &Ray, t_max: f32, most: (f64, f64), scratch: &mut Scratch, out: &mut Profile) {
         out.pieces.clear();
         if !self.grids_alone() {
@@ -162,13 +195,12 @@ impl Media {
             for i in &scratch.intervals {
                 let (from, to) = (i.enter.max(0.0), i.exit.min(t_max));
                 if from < to && to.is_finite() {
-                    out.pieces.push(Piece { from, to, sigma: self.optics(i.region).sigma_t as f32, region: i.region });
+                    out.pieces.push(Piece { from, to, sigma: self.optics(i.region).sigma_t as f32, tilt: 0.0, region: i.region });
                 }
             }
         }
         for grid in &self.grids {
-            let region = grid.region;
-            grid.pieces(ray, t_max, most, |from, to, sigma| out.pieces.push(Piece { from, to, sigma, region }));
+            grid.pieces(ray, t_max, most, |piece| out.pieces.push(piece));
         }
         out.settle();
     }

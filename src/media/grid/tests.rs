@@ -402,3 +402,28 @@ fn collisions_fall_to_grid_and_ball_as_their_extinctions_do() {
     }
     assert_eq!(scratch.violations, 0);
 }
+
+#[test]
+fn within_a_cell_depths_go_by_what_is_there() {
+    // Density that rises along x, from nothing; and a ball across the middle.
+    let rising = voxels(DAffine3::IDENTITY, IVec3::ZERO, IVec3::new(5, 4, 4), false, |at| 0.25 * at.x as f32);
+    let ball = region(Shape::sphere(DVec3::new(2.3, 1.5, 1.5), 0.8), 0.7);
+    for regions in [vec![region(Shape::Grid(rising.clone()), 3.0)], vec![region(Shape::Grid(rising), 3.0), ball]] {
+        let media = Media::new(&regions, DVec3::ZERO);
+        let (mut profile, mut scratch) = (crate::media::Profile::default(), Scratch::default());
+        for direction in [Vec3::X, Vec3::NEG_X] {
+            let ray = Ray { origin: Vec3::new(2.0, 1.5, 1.5) - 5.0 * direction, direction };
+            media.profile(&ray, f32::INFINITY, (f64::INFINITY, f64::INFINITY), &mut scratch, &mut profile);
+            let mut step = 0;
+            for i in 0..200 {
+                let distance = 3.01 + 0.0199 * i as f32;
+                let depth = media.optical_depth(&ray, distance, &mut scratch);
+                assert!((profile.until(distance) - depth).abs() < 1e-4, "{distance}: {} for {depth}", profile.until(distance));
+                let found = profile.distance(depth, &mut step);
+                // Where there is next to nothing, no depth tells where.
+                let here = media.extinction(ray.at(distance));
+                assert!(f64::from((found - distance).abs()) * here < 1e-3, "{distance}: {found}");
+            }
+        }
+    }
+}

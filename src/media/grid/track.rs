@@ -4,6 +4,7 @@ use super::walk::{Segment, cell_at};
 use super::{Grid, trilinear};
 use crate::geom::Ray;
 use crate::media::Scratch;
+use crate::media::profile::Piece;
 use crate::rng::Rng;
 use glam::IVec3;
 use std::ops::ControlFlow;
@@ -77,34 +78,46 @@ impl Grid {
         sum * self.sigma_t
     }
 
-    /// Visits the stretches of the first `t_max` metres that are not empty, with their mean extinction (1/m), until their optical depth is
-    /// `most`: within cells, exactly, until it is `exact`, and behind that by the means of blocks.
-    pub(in crate::media) fn pieces(&self, ray: &Ray, t_max: f32, (exact, most): (f64, f64), mut visit: impl FnMut(f32, f32, f32)) {
-        let mut sum = 0.0;
-        let mut tell = |at: &Segment, depth: f64, sum: &mut f64| {
+    /// Visits the stretches of the first `t_max` metres that are not empty, until their optical depth is `most`: within cells, by the exact
+    /// mean, until it is `exact`, and behind that by the means of blocks.
+    pub(in crate::media) fn pieces(&self, ray: &Ray, t_max: f32, (exact, most): (f64, f64), mut visit: impl FnMut(Piece)) {
+        let mut tell = |at: &Segment, mean: f32, tilt: f32, sum: &mut f64| {
+            let sigma = f64::from(mean) * self.sigma_t;
             let (from, to) = (at.before + at.from, at.before + at.to);
-            if depth > 0.0 && to > from {
-                visit(from, to, (depth / f64::from(to - from)) as f32);
+            if mean > 0.0 && to > from {
+                visit(Piece { from, to, sigma: sigma as f32, tilt, region: self.region });
             }
-            *sum += depth;
+            *sum += f64::from(at.to - at.from) * sigma;
             if *sum < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
+        let mut sum = 0.0;
         self.walk::<false>(ray, t_max, |block| {
-            if sum < exact {
-                return block.cells(&mut |cell| tell(&cell, self.depth(&cell) * self.sigma_t, &mut sum));
+            if sum >= exact {
+                return tell(&block, self.mean(block.low), 0.0, &mut sum);
             }
-            tell(&block, f64::from(block.to - block.from) * f64::from(self.mean(block.low)) * self.sigma_t, &mut sum)
+            block.cells(&mut |cell| {
+                let densities = self.densities(&cell);
+                let mean = simpson(densities);
+                // Ends that differ by twice the mean leave nothing at one of them.
+                let tilt = if mean > 0.0 { (0.5 * (densities[2] - densities[0]) / mean).clamp(-1.0, 1.0) } else { 0.0 };
+                tell(&cell, mean, tilt, &mut sum)
+            })
         });
     }
 
     /// The integral of density along a stretch within one cell, by Simpson's rule.
     #[inline]
     fn depth(&self, segment: &Segment) -> f64 {
+        f64::from(segment.to - segment.from) * f64::from(simpson(self.densities(segment)))
+    }
+
+    /// Densities at the start, the middle and the end of a stretch within one cell.
+    #[inline]
+    fn densities(&self, segment: &Segment) -> [f32; 3] {
         let corners = self.corners(segment.low);
         let low = segment.low.as_vec3a();
-        let density = |t: f32| trilinear(&corners, segment.origin + segment.direction * t - low);
         let (from, to) = (segment.from, segment.to);
-        f64::from(to - from) * f64::from(density(from) + 4.0 * density(0.5 * (from + to)) + density(to)) * (1.0 / 6.0)
+        [from, 0.5 * (from + to), to].map(|t| trilinear(&corners, segment.origin + segment.direction * t - low))
     }
 
     /// Whether a collision at distance `at` is one by one of the eight samples around it, drawn by its weight.
@@ -130,4 +143,10 @@ impl Grid {
         *violations += u64::from(value > segment.majorant);
         level < value
     }
+}
+
+/// The mean of what is a cubic, by its start, middle and end.
+#[inline]
+fn simpson([from, middle, to]: [f32; 3]) -> f32 {
+    (from + 4.0 * middle + to) * (1.0 / 6.0)
 }
