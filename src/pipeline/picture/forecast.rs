@@ -17,13 +17,13 @@ const FALL: [f64; 2] = [0.65, 0.4];
 /// The first in air, whose own light has as many paths by few photons as by half a million.
 const FALL_IN_AIR: f64 = 0.6;
 /// What two pictures may tell of that: their noise is in it too.
-const FALLS: [(f64, f64); 2] = [(0.4, 1.0), (0.3, 1.2)];
+const FALLS: [(f64, f64); 2] = [(0.5, 1.0), (0.3, 1.2)];
 /// The most photons, the fewest, and the most voxels a photon, a pixel and a byte: as the grid integrator has it.
 const PHOTONS: (f64, f64) = (8192.0, u32::MAX as f64);
 const VOXELS: (f64, f64, f64) = (30_000.0, 16.0, 900.0);
 
 /// What a photon and a voxel cost, samples of a pixel being 1: as measured on cumulus clouds of optical depth 60.
-const WORK: (f64, f64) = (2.2, 1.6);
+const WORK: (f64, f64) = (4.0, 3.0);
 /// What a voxel takes of the stage of photons, over what it takes of smoothing.
 const KEEPING: f64 = 0.2;
 /// Voxels are enough where they are fewer than this part of what was asked for.
