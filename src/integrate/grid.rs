@@ -12,6 +12,7 @@
 //! all directions by harmonics of degrees 0 to 2, for what clouds send them.
 
 mod air;
+mod aspect;
 mod basis;
 mod cast;
 mod deposit;
@@ -41,6 +42,7 @@ use crate::plan::{EffectName, Plan};
 use crate::progress::Progress;
 use crate::rng::Rng;
 use crate::scene::{Camera, Region, Scene, medium::luminance};
+use aspect::{Aspect, usual_extinction};
 use basis::Basis;
 pub use basis::harmonics;
 use cast::Cast;
@@ -57,11 +59,6 @@ use std::sync::Arc;
 const HIDDEN: f64 = 9.0;
 /// And behind so much of similar media.
 const HAZY: f64 = 5.0;
-/// The angles of the turn from the sunlight to the camera, at the point of the regions where it is least, below which light that is on its way so
-/// shows what it has kept of its peak, degrees; and after how many scatterings similar media may pass for the scene's.
-const KEPT_PEAKS: [(f64, u64); 3] = [(25.0, 6), (55.0, 4), (f64::INFINITY, 2)];
-/// Rays across a picture, and down it, by which it is found what extinction is usual.
-const RAYS: u32 = 24;
 /// What a number of a voxel takes while light is gathered and smoothed, bytes, colours included; and what it takes afterwards.
 const BYTES: u64 = 1080;
 const KEPT: u64 = 82;
@@ -70,6 +67,8 @@ const VOXELS_A_PIXEL: u64 = 16;
 const LEAST_VOXELS: u64 = 30_000;
 /// Light for surfaces: so many times wider voxels, so many times fewer photons; its photons' items begin here.
 const COARSER: f64 = 2.0;
+/// Voxels are so many times as wide as usual where the camera is among them.
+const FINER: f64 = 0.6;
 const FEWER: u64 = 4;
 const FIRST: u64 = 1 << 40;
 /// All directions.
@@ -136,16 +135,16 @@ impl GridTracer {
                         Field::new(Request { scene, media, basis, orders, origin, seen, first, seed, voxels, coarser })
                     };
                 if settings.photon.directional == Directional::View {
-                    let orders = {
-                        let crowd = told as f64 / (photons.silhouette() * usual(media, &lens, [settings.width, settings.height]).powi(2));
-                        Orders::similarly(&part, tracer.origin, crowd, own_scatterings(&part, lens.position()))
-                    };
+                    let aspect = Aspect::of(&part, lens.position());
+                    let usual = usual_extinction(media, &lens, [settings.width, settings.height]);
+                    let crowd = told as f64 / (photons.silhouette() * usual.powi(2));
+                    let orders = Orders::similarly(&part, tracer.origin, crowd, &aspect);
                     let basis = Basis::view(&part, lens.position(), orders.part());
                     let through = orders.similar().map(|similar| Arc::clone(&similar.media));
                     let seen = |brick: Box3| {
                         through.as_ref().map_or_else(|| sees(&lens, (media, HIDDEN), brick), |media| sees(&lens, (media, HAZY), brick))
                     };
-                    view = Some(field((basis, orders), &seen, 0, 1.0, 1));
+                    view = Some(field((basis, orders), &seen, 0, if aspect.within { FINER } else { 1.0 }, 1));
                     around = (!tracer.surfaces.is_empty()).then(|| field((ALL, Orders::own()), &|_| true, FIRST, COARSER, FEWER));
                 } else {
                     view = Some(field((ALL, Orders::own()), &|_| true, 0, 1.0, 1));
@@ -209,38 +208,6 @@ fn parts(scene: &Scene) -> Vec<(Cow<'_, Scene>, Vec3)> {
 /// Whether regions get other light than the sun's own.
 fn sends(scene: &Scene, plan: &Plan) -> bool {
     luminance(scene.sky) > 0.0 || !scene.flames.is_empty() || !scene.air.is_empty() || plan.on(EffectName::SurfaceBounce)
-}
-
-/// How often light is to scatter in the scene's own media before similar ones, that keep no peak, pass for them: the more often, the more nearly the
-/// camera, relative to the middle of the regions, looks toward the sun. Lamps and images of a sky may be anywhere.
-fn own_scatterings(scene: &Scene, eye: Vec3) -> u64 {
-    let (distance, radius) = (f64::from(eye.length()), 0.5 * scene.region_bounds().size().length());
-    let aside = scene.sun.direction.normalize().dot(eye.as_dvec3() / distance);
-    // At the point of the regions that the camera sees most against the sun.
-    let turn = (aside.clamp(-1.0, 1.0).acos() - (radius / distance).min(1.0).asin()).to_degrees();
-    let anywhere = !scene.lamps.is_empty() || scene.dome.is_some() || distance <= radius;
-    let turn = if anywhere {
-        0.0
-    } else if scene.sun.shines() {
-        turn
-    } else {
-        180.0
-    };
-    KEPT_PEAKS.iter().find(|(below, _)| turn < *below).map_or(KEPT_PEAKS[0].1, |peaks| peaks.1)
-}
-
-/// The mean extinction that camera rays meet, 1/m: by rays spread over the picture.
-fn usual(media: &Media, lens: &Lens, size: [u32; 2]) -> f64 {
-    let (mut scratch, mut profile) = (Scratch::default(), Profile::default());
-    let (mut squares, mut depth) = (0.0, 0.0);
-    for i in 0..RAYS * RAYS {
-        let [x, y] = [i % RAYS, i / RAYS].map(|i| (i as f32 + 0.5) / RAYS as f32);
-        let view = lens.view(x * size[0] as f32, y * size[1] as f32);
-        media.profile(&view.ray, view.reach, (f64::INFINITY, f64::INFINITY), &mut scratch, &mut profile);
-        let met = profile.met();
-        (squares, depth) = (squares + met.0, depth + met.1);
-    }
-    if depth > 0.0 { squares / depth } else { 0.0 }
 }
 
 /// Whether a camera may see anything of a box behind less than so much optical depth.

@@ -156,7 +156,7 @@ impl Field {
             stored.doubt.resize(frame.voxels() * numbers, 0.0);
             colour.resize(frame.voxels() * numbers, [0.0f32; 2]);
             progress.at(class as u64);
-            let fit = Fit::new(frame, fill, &needed, self.coarser * self.orders.kernel(class, crowd) / (usual * f64::from(frame.step)));
+            let fit = Fit::new(frame, fill, &needed, self.coarser * self.orders.kernel(class, crowd, *usual) / f64::from(frame.step));
             self.lit.iter_mut().enumerate().for_each(|(voxel, lit)| *lit &= fit.holds(voxel));
             for number in 0..numbers {
                 if !colour_of.is_empty() {

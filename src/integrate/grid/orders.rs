@@ -1,5 +1,6 @@
 //! Orders of scattering: what has scattered alike often is smoothed alike; and in what media it is followed.
 
+use super::aspect::{Aspect, FEWEST};
 use crate::photon::SimilarMedia;
 use crate::scene::Scene;
 use glam::DVec3;
@@ -8,7 +9,6 @@ use glam::DVec3;
 const ALL: [(u64, f64); 5] = [(2, 0.55), (4, 0.8), (8, 1.2), (16, 1.7), (u64::MAX, 2.4)];
 /// The same where light is followed in similar media: that of the first [`FEWEST`] scatterings in the scene's own, and what scattered in others,
 /// which count fewer.
-const FEWEST: u64 = 2;
 const SIMILAR: [(u64, f64); 3] = [(FEWEST, 0.8), (FEWEST + 2, 1.2), (u64::MAX, 2.2)];
 /// Media may be as far from the scene's as this where so many photons start over each square mean free path, and less by this power of their
 /// number where they are more, so that what that is off by falls as noise does; and no farther than [`FARTHEST`]. From [`EXACT`] on light keeps to
@@ -26,6 +26,7 @@ const FALLS: i32 = 5;
 const SPARSE: f64 = 25.0;
 const FASTER: f64 = 0.3;
 const WIDEST: f64 = 3.5;
+const NARROW: f64 = 0.1;
 
 /// Through which media light is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,23 +43,26 @@ pub(super) struct Orders {
     /// Scatterings in the scene's own media before similar ones pass for them: light of fewer orders is seen through its own, too.
     own: u64,
     classes: Vec<(u64, f64)>,
+    /// The widest kernel of light that keeps a peak, m.
+    sharp: f64,
 }
 
 impl Orders {
     /// All of them in the scene's own media.
     pub fn own() -> Self {
-        Orders { similar: None, own: u64::MAX, classes: ALL.to_vec() }
+        Orders { similar: None, own: u64::MAX, classes: ALL.to_vec(), sharp: f64::INFINITY }
     }
 
     /// After so many scatterings in similar media, where the scene has peaked phase functions and photons, so many over each square mean free path,
     /// are not too many for them.
-    pub fn similarly(scene: &Scene, origin: DVec3, crowd: f64, own: u64) -> Self {
+    pub fn similarly(scene: &Scene, origin: DVec3, crowd: f64, aspect: &Aspect) -> Self {
         let part = (FAR * (FEW / crowd).powf(NEARER)).min(FARTHEST);
+        let own = Orders { sharp: aspect.sharp, ..Orders::own() };
         if crowd >= EXACT {
-            return Orders::own();
+            return own;
         }
-        let Some(similar) = SimilarMedia::of(scene, part, origin) else { return Orders::own() };
-        let own = own.max(FEWEST);
+        let Some(similar) = SimilarMedia::of(scene, part, origin) else { return own };
+        let own = aspect.own;
         let mut classes = SIMILAR.to_vec();
         if own > FEWEST {
             let width = |order: u64| ALL.iter().find(|(last, _)| *last >= order).map_or(0.0, |class| class.1);
@@ -67,7 +71,7 @@ impl Orders {
             classes.dedup_by_key(|class| class.0);
             classes.push(SIMILAR[2]);
         }
-        Orders { similar: Some((similar, part)), own, classes }
+        Orders { similar: Some((similar, part)), own, classes, sharp: aspect.sharp }
     }
 
     /// How far the similar media are from the scene's.
@@ -85,14 +89,17 @@ impl Orders {
         self.classes.len()
     }
 
-    /// The standard deviation of a class's kernel in mean free paths, where so many photons start over each square mean free path. The kernel that
-    /// is best grows slowly as they get fewer: with twicing its bias falls as a high power of its width. Where they are very few, pixels are wider
-    /// than mean free paths, and it grows faster.
-    pub fn kernel(&self, class: usize, crowd: f64) -> f64 {
-        let (usual, power, sparse) =
-            if self.through(class) == Through::Similar { (100.0, 1.0 / 8.0, SPARSE) } else { (200.0, 1.0 / 11.0, 0.0) };
+    /// The standard deviation of a class's kernel, m, where extinction is `usual` (1/m) and so many photons start over each square mean free path.
+    /// The kernel that is best grows slowly as they get fewer: with twicing its bias falls as a high power of its width. Where they are very
+    /// few, pixels are wider than mean free paths, and it grows faster. Light that keeps a peak, the wider the more often it has scattered, is
+    /// smoothed over less than shows; but not over less than [`NARROW`] free paths.
+    pub fn kernel(&self, class: usize, crowd: f64, usual: f64) -> f64 {
+        let through = self.through(class);
+        let (fine, power, sparse) = if through == Through::Similar { (100.0, 1.0 / 8.0, SPARSE) } else { (200.0, 1.0 / 11.0, 0.0) };
         let faster = (sparse / crowd).max(1.0).powf(FASTER);
-        self.classes[class].1 * ((usual / crowd).powf(power).clamp(0.4, 2.0) * faster).min(WIDEST)
+        let wide = self.classes[class].1 * ((fine / crowd).powf(power).clamp(0.4, 2.0) * faster).min(WIDEST) / usual;
+        let before = if class == 0 { 1 } else { self.classes[class - 1].0 };
+        wide.min((self.sharp * (before as f64).sqrt()).max(NARROW / usual))
     }
 
     /// The class of an order of scattering.

@@ -129,7 +129,7 @@ fn smoothed(
     for class in 0..orders.count() {
         progress.check()?;
         progress.at(class as u64);
-        let fit = Fit::new(frame, fill, &needed, coarser * orders.kernel(class, crowd / usual.powi(2)) / (usual * f64::from(frame.step)));
+        let fit = Fit::new(frame, fill, &needed, coarser * orders.kernel(class, crowd / usual.powi(2), *usual) / f64::from(frame.step));
         lit.iter_mut().enumerate().for_each(|(voxel, lit)| *lit &= fit.holds(voxel));
         // Of each voxel `width` numbers, of which `lanes` are the basis's from `first` on.
         let mut add = |(first, lanes): (usize, usize), smooth: &[f32], width: usize| {
