@@ -153,7 +153,7 @@ fn what_is_left_out_of_many_scenes_is_less_than_said() {
 }
 
 /// What the default integrator takes for a scene as planned, over what it takes where everything has to be looked for: looks along rays, photons
-/// and voxels are counted; processor time is printed, as it is and for the same error.
+/// and voxels are counted; processor time is printed, as it is and for the same error (true where no other test runs beside it).
 fn counted(seeds: std::ops::Range<u64>, (size, photons): (u32, u64)) -> Vec<f64> {
     let work = Work { integrator: Integrator::Grid, size, spp: 16, photons };
     let (mut counts, mut times, mut alike) = (Vec::new(), Vec::new(), Vec::new());
