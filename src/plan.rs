@@ -75,6 +75,7 @@ impl Plan {
             (EffectName::Sky, rules::sky(scene)),
             (EffectName::SurfaceShadow, rules::surface_shadow(scene)),
             (EffectName::CloudShadow, rules::cloud_shadow(scene)),
+            (EffectName::CloudLight, rules::cloud_light(scene)),
             (EffectName::SurfaceBounce, rules::surface_bounce(scene)),
             (EffectName::Air, rules::air(scene)),
             (EffectName::Emission, rules::emission(scene)),

@@ -145,18 +145,16 @@ impl GridTracer {
                         through.as_ref().map_or_else(|| sees(&lens, (media, HIDDEN), brick), |media| sees(&lens, (media, HAZY), brick))
                     };
                     view = Some(field((basis, orders), &seen, 0, if aspect.within { FINER } else { 1.0 }, 1));
-                    around = (!tracer.surfaces.is_empty()).then(|| field((ALL, Orders::own()), &|_| true, FIRST, COARSER, FEWER));
+                    around = tracer.lights.then(|| field((ALL, Orders::own()), &|_| true, FIRST, COARSER, FEWER));
                 } else {
                     view = Some(field((ALL, Orders::own()), &|_| true, 0, 1.0, 1));
                 }
             }
-            let glow = (!part.air.is_empty()).then(|| {
-                let wide = part.surfaces.iter().fold(part.region_bounds(), |b, s| b.union(s.mesh.bounds())).size().length();
-                let size = if part.regions.is_empty() { wide } else { part.region_bounds().size().length() };
-                Glow::new(&tracer, lens, [settings.width, settings.height], size.max(1.0) as f32, told, settings.seed)
-            });
-            let media = !part.regions.is_empty() || !part.air.is_empty() || !part.flames.is_empty();
-            let cast = (media && !tracer.surfaces.is_empty()).then(|| Cast::new(lens, [settings.width, settings.height], settings.seed));
+            let glow = || Glow::new(&tracer, lens, [settings.width, settings.height], told, settings.seed);
+            let glow = if part.air.is_empty() { None } else { glow() };
+            let media = tracer.lights || !part.air.is_empty() || !part.flames.is_empty();
+            let bright = part.surfaces.iter().flat_map(|s| s.albedo).any(|albedo| albedo > 0.0);
+            let cast = (media && bright).then(|| Cast::new(lens, [settings.width, settings.height], settings.seed));
             Channel { tracer, photons, view, around, glow, cast, mask }
         };
         let channels: Vec<Channel> = parts.into_iter().map(channel).collect();

@@ -43,9 +43,10 @@ pub(super) struct PathTracer {
     pub fire: Fire,
     /// Collisions with regions after which a path ends.
     orders: u64,
-    /// Whether surfaces light regions, and regions shade surfaces.
+    /// Whether surfaces light regions, and regions shade surfaces and light them.
     bounces: bool,
     shades: bool,
+    pub lights: bool,
     /// World position of the local space's origin.
     pub origin: DVec3,
 }
@@ -67,6 +68,7 @@ impl PathTracer {
             orders: plan.orders.map_or(MOST_COLLISIONS, u64::from),
             bounces: plan.on(EffectName::SurfaceBounce),
             shades: plan.on(EffectName::CloudShadow),
+            lights: plan.on(EffectName::CloudLight),
             origin,
         }
     }
@@ -134,7 +136,7 @@ impl PathTracer {
                 (hint, share, near) = (0.0, 1.0, self.fire.near_surface());
             } else if let Flight::Collision { distance, region, sigma_t } = flight {
                 order += 1;
-                if order > self.orders {
+                if order > self.orders || (layer == Layer::Surface && !self.lights) {
                     return arrival;
                 }
                 layer = layer.then(Layer::VolumeDirect);

@@ -293,7 +293,12 @@ impl Channel {
             let hit = tracer.surfaces.nearest(&ray, reach);
             let end = hit.map_or(reach, |h| h.t);
             let first = layer == Layer::Environment;
-            let stretch = self.march(&ray, end, if first { slice } else { slice * COARSER }, rng, room);
+            let stretch = if first || tracer.lights {
+                self.march(&ray, end, if first { slice } else { slice * COARSER }, rng, room)
+            } else {
+                let depth = tracer.bands[0].media.optical_depth(&ray, end, &mut room.scratch);
+                Stretch { clear: (-depth).exp(), ..Stretch::default() }
+            };
             self.credit(&stretch, throughput, layer, &mut arrival);
             if first {
                 arrival.depth = match hit {

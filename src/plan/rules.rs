@@ -226,6 +226,51 @@ fn reflected(scene: &Scene) -> f64 {
     scene.surfaces.iter().map(|s| 4.0 * seen(s) * s.albedo.into_iter().fold(0.0, f64::max)).sum()
 }
 
+/// Light of n scatterings that meets a point is at most the n-th power of the chance of a collision along the deepest line, of all light
+/// there is; a surface gets of it at most that, and of the sun's own the cosine and what regions let pass.
+pub(super) fn cloud_light(scene: &Scene) -> Finding {
+    let brightest = scene.surfaces.iter().flat_map(|s| s.albedo).fold(0.0, f64::max);
+    let scatters = scene.regions.iter().any(|r| r.medium.albedo() > 0.0);
+    let tau: f64 = scene.regions.iter().map(deepest).sum();
+    let sun = scene.sun.irradiance.into_iter().fold(f64::INFINITY, f64::min);
+    let even = scene.lamps.is_empty() && scene.flames.is_empty() && scene.dome.is_none() && scene.air.is_empty();
+    let bound = match sunlit(scene).filter(|_| even && tau < THICK && sun > 0.0) {
+        Some(cos) => {
+            let all = 1.0 + 4.0 * PI * scene.sky.into_iter().fold(0.0, f64::max) / sun + reflected(scene);
+            (tau.exp_m1() * all * tau.exp() / cos).min(1.0)
+        }
+        None => 1.0,
+    };
+    let there = brightest > 0.0 && scatters && tau > 0.0;
+    let reason = match (scene.surfaces.len(), there) {
+        (0, _) => "there is no surface".into(),
+        _ if brightest <= 0.0 => "every surface is black".into(),
+        (_, false) => "no region scatters".into(),
+        _ => format!("regions of optical depth up to {tau:.3} send surfaces at most {:.2} % of what the sun does", 100.0 * bound),
+    };
+    Finding { there, figure: tau, bound, reason }
+}
+
+/// The cosine at which sunlight meets a flat surface that is alone, has all regions before its lit side, and so hides nothing from itself.
+fn sunlit(scene: &Scene) -> Option<f64> {
+    let [surface] = &scene.surfaces[..] else { return None };
+    let corners = |t: &[u32; 3]| t.map(|i| surface.mesh.vertices[i as usize]);
+    let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).normalize_or_zero();
+    let mut triangles = surface.mesh.triangles.iter().map(corners);
+    let first = triangles.next()?;
+    let up = normal(first) * -normal(first).dot(scene.sun.direction).signum();
+    let cos = -up.dot(scene.sun.direction);
+    let (size, height) = (surface.mesh.bounds().size().length(), up.dot(first[0]));
+    let flat = triangles.all(|t| t.iter().all(|p| (up.dot(*p) - height).abs() <= 1e-6 * size));
+    let before = |r: &Region| {
+        let b = r.shape.bounds();
+        up.dot(b.centre()) - 0.5 * up.abs().dot(b.size()) >= height
+    };
+    // The whole disc is above its horizon.
+    let risen = cos > (0.5 * scene.sun.angular_diameter).sin();
+    (flat && risen && scene.regions.iter().all(before)).then_some(cos)
+}
+
 pub(super) fn surface_bounce(scene: &Scene) -> Finding {
     let albedo = scene.surfaces.iter().flat_map(|s| s.albedo).fold(0.0, f64::max);
     let near = !scene.lamps.is_empty() || !scene.flames.is_empty();
@@ -264,7 +309,7 @@ pub(super) fn emission(scene: &Scene) -> Finding {
     Finding { there: power > 0.0, figure: power, bound: 1.0, reason }
 }
 
-/// The largest spread of a colour, over itself; of a medium, as often as light collides.
+/// The largest spread of a colour, over itself; of a medium, as often as it counts.
 pub(super) fn colour(scene: &Scene) -> Finding {
     let spread = |rgb: [f64; 3]| {
         let (low, high) = rgb.into_iter().fold((f64::INFINITY, 0.0f64), |(l, h), c| (l.min(c), h.max(c)));
@@ -284,8 +329,16 @@ pub(super) fn colour(scene: &Scene) -> Finding {
     } else {
         "sun, media and surfaces are grey: one number says all".into()
     };
-    // What differs at each collision may differ without bound after many.
-    let often = if media > 0.0 && tau >= THICK { 1.0 } else { 3.0 * (1.0 + tau) * tau.exp() * media };
+    // What absorption differs by at each collision may differ without bound after many. What scattering does not: where there are more
+    // collisions there is less way between them. Of light that has scattered n times along an optical depth t, the share n - t is what
+    // it changes by, in the mean; that is t at most for light that went straight, and about 1 for light that wanders.
+    let absorbs = scene.regions.iter().any(|r| spread(r.medium.sigma_a) > 0.0);
+    let often = match media {
+        0.0 => 0.0,
+        _ if tau < THICK => 3.0 * (1.0 + tau) * tau.exp() * media,
+        _ if absorbs => 1.0,
+        _ => 3.0 * (1.0 + 2.0 * tau) * media,
+    };
     Finding { there: figure > 0.0, figure, bound: (often + air + 3.0 * surfaces + lights).min(1.0), reason }
 }
 

@@ -48,7 +48,9 @@ fn sky_variation_and_overlap_are_on_where_they_are_there() {
 fn each_effect_is_on_only_where_the_scene_calls_for_it() {
     use EffectName::*;
     let bare = scene(5.0);
-    for name in [Absorption, Anisotropy, Heterogeneity, Overlap, Sky, SurfaceShadow, CloudShadow, SurfaceBounce, Air, Colour, Duality] {
+    for name in
+        [Absorption, Anisotropy, Heterogeneity, Overlap, Sky, SurfaceShadow, CloudShadow, CloudLight, SurfaceBounce, Air, Colour, Duality]
+    {
         assert!(!on(&bare, name), "{name:?}");
     }
     assert!(on(&bare, MultipleScattering) && on(&bare, SunDisc));
@@ -59,7 +61,7 @@ fn each_effect_is_on_only_where_the_scene_calls_for_it() {
     full.sky = [0.1; 3];
     full.air = crate::scene::Air::new([AirLayer::molecules(-10.0)]);
     let plan = Plan::for_scene(&full, Density::Duality);
-    for name in [Absorption, Anisotropy, Overlap, Sky, SurfaceShadow, CloudShadow, SurfaceBounce, Air, Colour, Duality] {
+    for name in [Absorption, Anisotropy, Overlap, Sky, SurfaceShadow, CloudShadow, CloudLight, SurfaceBounce, Air, Colour, Duality] {
         assert!(plan.on(name), "{name:?}");
     }
     let change = |of: &dyn Fn(&mut Scene)| {
@@ -75,6 +77,32 @@ fn each_effect_is_on_only_where_the_scene_calls_for_it() {
     let thin = change(&|s| s.regions.iter_mut().for_each(|r| r.medium = Medium::with_albedo(1e-5, 1.0, 0.0)));
     assert!(!on(&thin, MultipleScattering));
     assert!(Plan::for_scene(&thin, Density::Duality).on(MultipleScattering), "the duality is made of what scatters twice");
+}
+
+/// What thin regions send to the ground is little beside the sun's light there; on its dark side it is all there is, and black ground shows none.
+#[test]
+fn regions_light_surfaces_where_it_shows() {
+    use EffectName::CloudLight;
+    let with = |sigma: f64, ground: Vec<Surface>| {
+        let mut scene = scene(5.0);
+        scene.regions.iter_mut().for_each(|r| r.medium = Medium::with_albedo(sigma, 1.0, 0.0));
+        Scene { surfaces: ground, ..scene }
+    };
+    assert!(on(&with(1e-2, vec![ground(-3.0, 0.3)]), CloudLight) && !on(&with(1e-5, vec![ground(-3.0, 0.3)]), CloudLight));
+    assert!(on(&with(1e-5, vec![ground(3.0, 0.3)]), CloudLight) && !on(&with(1.0, vec![ground(3.0, 0.0)]), CloudLight));
+    // Two surfaces may shade each other; a lamp may be near a region and far from the ground.
+    assert!(on(&with(1e-5, vec![ground(-3.0, 0.3), ground(-4.0, 0.3)]), CloudLight));
+}
+
+/// A thick region's colour counts where absorption has one, and where that of scattering is more than little.
+#[test]
+fn colours_of_thick_regions() {
+    let with = |change: &dyn Fn(&mut Medium)| {
+        let mut scene = scene(5.0);
+        change(&mut scene.regions[0].medium);
+        on(&scene, EffectName::Colour)
+    };
+    assert!(with(&|m| m.sigma_s[0] *= 1.001) && !with(&|m| m.sigma_s[0] *= 1.0 + 1e-6) && with(&|m| m.sigma_a[0] += 1e-6));
 }
 
 /// Orders that matter grow with depth, and with what may be left out they fall.

@@ -22,6 +22,8 @@ pub enum EffectName {
     SurfaceShadow,
     /// Regions that shade surfaces.
     CloudShadow,
+    /// Light that regions send to surfaces.
+    CloudLight,
     /// Light that surfaces send back to the regions.
     SurfaceBounce,
     /// Air around the clouds: haze, the sky's blue, sunbeams.
@@ -37,13 +39,14 @@ pub enum EffectName {
 impl EffectName {
     /// Those that a user may switch, with their names. Whether there are overlaps, variation and shadows of surfaces is the scene's matter;
     /// the duality is asked for by the density.
-    pub const SWITCHES: [(&str, EffectName); 10] = [
+    pub const SWITCHES: [(&str, EffectName); 11] = [
         ("multiple_scattering", EffectName::MultipleScattering),
         ("absorption", EffectName::Absorption),
         ("anisotropy", EffectName::Anisotropy),
         ("sun_disc", EffectName::SunDisc),
         ("sky", EffectName::Sky),
         ("cloud_shadow", EffectName::CloudShadow),
+        ("cloud_light", EffectName::CloudLight),
         ("surface_bounce", EffectName::SurfaceBounce),
         ("air", EffectName::Air),
         ("emission", EffectName::Emission),

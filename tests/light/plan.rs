@@ -68,15 +68,17 @@ fn everything(scene: &Scene) -> Scene {
 #[derive(Clone, Copy)]
 struct Work {
     integrator: Integrator,
+    size: u32,
     spp: u32,
+    photons: u64,
 }
 
-fn picture(scene: &Scene, wishes: Wishes, Work { integrator, spp }: Work) -> (Plan, Rendering) {
+fn picture(scene: &Scene, wishes: Wishes, Work { integrator, size, spp, photons }: Work) -> (Plan, Rendering) {
     let scene = Scene { wishes, ..scene.clone() };
     let plan = Plan::for_scene(&scene, Density::Source);
     let camera = Camera::look_at(DVec3::new(1.0, -5.0, 1.5), DVec3::new(0.0, 0.0, 0.1), 0.6).unwrap();
-    let photon = PhotonSettings { photons: 2_000, ..PhotonSettings::default() };
-    let settings = RenderSettings { integrator, width: 10, height: 10, spp, seed: 1, photon };
+    let photon = PhotonSettings { photons, ..PhotonSettings::default() };
+    let settings = RenderSettings { integrator, width: size, height: size, spp, seed: 1, photon };
     let picture = render(&scene, &plan, &camera, &settings, None, &Silent).unwrap();
     (plan, picture)
 }
@@ -116,7 +118,7 @@ fn sorted(name: &str, mut ratios: Vec<f64>) -> Vec<f64> {
 
 /// Compares scenes; gives the cost of each as planned over that with everything on, in collisions and in processor time.
 fn compare(seeds: std::ops::Range<u64>, spp: u32) -> (Vec<f64>, Vec<f64>) {
-    let path = Work { integrator: Integrator::Path, spp };
+    let path = Work { integrator: Integrator::Path, size: 10, spp, photons: 0 };
     let (mut ratios, mut costs) = (Vec::new(), Vec::new());
     for seed in seeds {
         let scene = scene(seed);
@@ -148,6 +150,43 @@ fn what_is_left_out_is_less_than_said() {
 #[ignore = "200 scenes: make crosscheck"]
 fn what_is_left_out_of_many_scenes_is_less_than_said() {
     compare(0..200, 2000);
+}
+
+/// What the default integrator takes for a scene as planned, over what it takes where everything has to be looked for: looks along rays, photons
+/// and voxels are counted; processor time is printed, as it is and for the same error (true where no other test runs beside it).
+fn counted(seeds: std::ops::Range<u64>, (size, photons): (u32, u64)) -> Vec<f64> {
+    let work = Work { integrator: Integrator::Grid, size, spp: 16, photons };
+    let (mut counts, mut times, mut alike) = (Vec::new(), Vec::new(), Vec::new());
+    for seed in seeds {
+        let scene = scene(seed);
+        let ((_, full), most) = seconds(|| picture(&everything(&scene), all(), work));
+        let ((plan, planned), least) = seconds(|| picture(&scene, Wishes { tolerance: TOLERANCE, ..Wishes::default() }, work));
+        let count = |r: &Rendering| (r.collisions + r.photons.map_or(0, |light| light.emitted + light.voxels)) as f64;
+        let (on, ratio) = (plan.effects.iter().filter(|e| e.on).count(), count(&planned) / count(&full));
+        println!("{seed}: {on} effects, {ratio:.3} of the looks, photons and voxels, {least:.3} s of {most:.3}");
+        counts.push(ratio);
+        times.push(least / most);
+        if let (Some(a), Some(b)) = (planned.film.relative_error(), full.film.relative_error()) {
+            alike.push(least / most * (a / b).powi(2));
+        }
+    }
+    sorted("grid: processor time", times);
+    sorted("grid: processor time for the same error", alike);
+    sorted("grid: looks, photons and voxels", counts)
+}
+
+#[test]
+#[ignore = "200 scenes: make crosscheck"]
+fn the_median_scene_costs_a_third() {
+    let counts = counted(0..200, (32, 20_000));
+    assert!(counts[counts.len() / 2] <= 1.0 / 3.0, "{}", counts[counts.len() / 2]);
+}
+
+/// Of few scenes, and small pictures of them.
+#[test]
+fn what_is_planned_is_counted() {
+    let counts = counted(0..30, (10, 2_000));
+    assert!(counts[counts.len() / 2] <= 1.0 / 3.0 && counts.iter().all(|&count| count <= 1.01), "{counts:?}");
 }
 
 /// With an effect off, a scene is what it would be without it: the same picture, bit by bit, by as many samples, collisions, photons and
@@ -194,7 +233,7 @@ fn an_effect_that_is_off_costs_nothing() {
     grey.air = grey.air.coloured(luminance);
     cases.push((Colour, grey));
     for integrator in [Integrator::Path, Integrator::Grid] {
-        let work = Work { integrator, spp: 8 };
+        let work = Work { integrator, size: 10, spp: 8, photons: 2_000 };
         let (_, full) = picture(&scene, all(), work);
         for (name, other) in &cases {
             let (off, never) = (picture(&scene, all().with(*name, Some(false)), work).1, picture(other, all(), work).1);
@@ -207,5 +246,38 @@ fn an_effect_that_is_off_costs_nothing() {
         let single = picture(&alone, all().with(EffectName::MultipleScattering, Some(false)), work).1;
         let light = single.photons.map(|light| (light.emitted, light.voxels));
         assert!(light.is_none_or(|light| light == (0, 0)), "no photon and no voxel for what scatters once: {light:?}");
+    }
+}
+
+/// Where scattering alone has a colour, a thick region's light differs by less than what is said: on its bright side and on its dark one.
+#[test]
+fn more_scattering_changes_little() {
+    for (sigma, albedo, g) in [(6.0, 1.0, 0.0), (16.0, 1.0, 0.85), (6.0, 0.98, 0.3)] {
+        let light = |more: f64, from: DVec3| {
+            let grey = Medium::with_albedo(sigma, albedo, g);
+            let medium = Medium { sigma_s: grey.sigma_s.map(|s| s * more), ..grey };
+            let mut scene = Scene {
+                regions: vec![Region { name: "ball".into(), shape: Shape::sphere(DVec3::ZERO, 1.0), medium, photons: None }],
+                ..scene(0)
+            };
+            (scene.surfaces, scene.sky, scene.air, scene.sun.angular_diameter) = (vec![], [0.0; 3], Air::default(), 0.0);
+            let camera = Camera::look_at(from, DVec3::ZERO, 0.4).unwrap();
+            let settings =
+                RenderSettings { integrator: Integrator::Path, width: 8, height: 8, spp: 1500, seed: 3, photon: PhotonSettings::default() };
+            let plan = Plan::for_scene(&scene, Density::Source);
+            (mean(&render(&scene, &plan, &camera, &settings, None, &Silent).unwrap()), scene.sun.direction)
+        };
+        let toward = light(1.0, DVec3::X * 5.0).1;
+        for from in [toward * -5.0, toward * 5.0, toward.any_orthonormal_vector() * 5.0] {
+            let more: f64 = 1.1;
+            let ((a, da), (b, db)) = (light(1.0, from).0, light(more, from).0);
+            let (found, sigma_of) = ((b / a).ln() / more.ln(), (da / a).hypot(db / b) / more.ln());
+            println!(
+                "depth {}, albedo {albedo}, g {g}, from {from}: the share {found:.2} +- {sigma_of:.2} of what scattering grows by",
+                2.0 * sigma
+            );
+            // The bound is three times that, of one plus twice the optical depth.
+            assert!(found.abs() - 3.5 * sigma_of < 1.0 + 4.0 * sigma, "{found} +- {sigma_of}");
+        }
     }
 }

@@ -5,7 +5,7 @@
 use super::field::{Found, Groups, grey};
 use crate::error::Result;
 use crate::geom::Ray;
-use crate::integrate::lens::Lens;
+use crate::integrate::lens::{Lens, View};
 use crate::integrate::path::PathTracer;
 use crate::media::{Scratch, air::Layer};
 use crate::photon::GROUPS;
@@ -15,16 +15,16 @@ use crate::sampling::around;
 use crate::scene::air::MOST_LAYERS;
 use glam::{UVec3, Vec3};
 
-/// Places along the picture's longer side and along each ray, for [`USUAL`] photons: between them light is smooth, and few places have many
-/// paths. With more photons there are more, by their eighth root. Along a ray, distances grow by a factor.
+/// Places along the picture's longer side, for [`USUAL`] photons, and so many times as many along each ray: between them light is smooth, and
+/// few places have many paths. With more photons there are more, by their eighth root. Along a ray, distances grow by a factor.
 const PLACES: f64 = 10.0;
+const ALONG: f64 = 1.6;
 const USUAL: f64 = 50_000.0;
 const MOST: f64 = 4.0;
-/// The nearest, over the scene's size, and the farthest, in mean free paths and over the scene's size.
-const NEAREST: f32 = 0.02;
-const FARTHEST: (f64, [f32; 2]) = (4.0, [1.0, 200.0]);
+/// Before the nearest and before the farthest are these shares of the collisions with air along the rays of a picture.
+const ENDS: [f64; 2] = [0.01, 0.99];
 /// Paths of each group and place at least; and photons for which one path is followed.
-const LEAST_PATHS: u64 = 8;
+const LEAST_PATHS: u64 = 5;
 const PHOTONS_A_PATH: u64 = 1;
 
 /// Light at places in the camera's view.
@@ -52,20 +52,23 @@ struct Sums {
 }
 
 impl Glow {
-    /// Places for a camera, a scene of some size, and so many photons; they are dark yet.
-    pub(super) fn new(tracer: &PathTracer, lens: Lens, [width, height]: [u32; 2], size: f32, photons: u64, seed: u64) -> Self {
+    /// Places for a camera and so many photons; they are dark yet. `None` where the camera sees no air.
+    pub(super) fn new(tracer: &PathTracer, lens: Lens, [width, height]: [u32; 2], photons: u64, seed: u64) -> Option<Self> {
         let pixels = [width as f32, height as f32];
         let places = PLACES * (photons as f64 / USUAL).powf(0.125).clamp(1.0, MOST);
         let apart = pixels[0].max(pixels[1]) / places as f32;
         let count = |pixels: f32| (pixels / apart).ceil().max(1.0) as u32 + 1;
-        let air = &tracer.bands[0].air;
-        let densest: f64 = air.layers().iter().map(|layer| layer.sigma_t().max_element()).sum();
-        let farthest = ((FARTHEST.0 / densest) as f32).clamp(size * FARTHEST.1[0], size * FARTHEST.1[1]);
-        let nearest = (size * NEAREST).min(farthest * 0.5);
-        let along = places.ceil() as u32;
-        let size = UVec3::new(count(pixels[0]), count(pixels[1]), along);
+        let across = [count(pixels[0]), count(pixels[1])];
+        let views = (0..across[0] * across[1]).map(|place| {
+            let at = [place % across[0], place / across[0]];
+            let share = |i: usize| pixels[i] * at[i] as f32 / (across[i] - 1) as f32;
+            lens.view(share(0), share(1))
+        });
+        let [nearest, farthest] = ends(tracer, views)?;
+        let along = (ALONG * places).ceil() as u32;
+        let size = UVec3::new(across[0], across[1], along);
         let step = (farthest / nearest).ln() / (along - 1) as f32;
-        Glow { lens, pixels, size, nearest, step, seed, paths: 0, light: Vec::new() }
+        Some(Glow { lens, pixels, size, nearest, step, seed, paths: 0, light: Vec::new() })
     }
 
     /// Follows as many paths as so many photons are worth.
@@ -150,4 +153,24 @@ impl Glow {
             into.rgb += each * weight * light.rgb;
         }
     }
+}
+
+/// Between which distances camera rays meet air, but for a little before and behind; `None` where they meet none.
+fn ends(tracer: &PathTracer, views: impl Iterator<Item = View>) -> Option<[f32; 2]> {
+    let air = &tracer.bands[0].air;
+    let reach = |view: &View| tracer.surfaces.nearest(&view.ray, view.reach).map_or(view.reach, |hit| hit.t);
+    let rays: Vec<(Ray, f32)> = views.map(|view| (view.ray, reach(&view))).collect();
+    let one = |ray: &Ray, distance: f32| -(-air.optical_depth(ray, distance).element_sum() / 3.0).exp_m1();
+    let chance = |distance: f32| rays.iter().map(|(ray, reach)| one(ray, reach.min(distance))).sum::<f64>();
+    let whole = chance(f32::INFINITY);
+    let end = |share: f64| {
+        // Powers of two of a metre; any distance is between them.
+        let (mut low, mut high) = (-60.0f32, 60.0f32);
+        for _ in 0..20 {
+            let middle = 0.5 * (low + high);
+            *(if chance(middle.exp2()) < share * whole { &mut low } else { &mut high }) = middle;
+        }
+        high.exp2()
+    };
+    (whole > 0.0).then(|| ENDS.map(end))
 }

@@ -133,7 +133,9 @@ impl Channel {
         let first = layer == Layer::Environment;
         let (field, slice) =
             if first { (&self.view, SLICE) } else { (if self.around.is_some() { &self.around } else { &self.view }, COARSE) };
-        let stretch = self.march((ray, stratum), reach, field.as_ref(), slice, rng, room);
+        // What regions send to surfaces may not be called for.
+        let (field, slice) = if first || tracer.lights { (field.as_ref(), slice) } else { (None, f64::INFINITY) };
+        let stretch = self.march((ray, stratum), reach, field, slice, rng, room);
         arrival.light[layer.then(Layer::VolumeDirect) as usize] += throughput * stretch.direct;
         arrival.light[layer.then(Layer::VolumeIndirect) as usize] += throughput * stretch.found.rgb;
         stretch.found.add_to(arrival, throughput);

@@ -13,7 +13,7 @@ use crate::rng::Rng;
 use glam::Vec3;
 
 /// What a stretch of a ray brings to its start.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Stretch {
     /// Sunlight scattered once.
     pub direct: Vec3,
