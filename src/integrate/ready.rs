@@ -86,8 +86,10 @@ impl<'a> Ready<'a> {
             Way::Photon(tracer) => expose(&**tracer, tracer.origin, scene, camera, settings, progress),
             Way::Grid(tracer) => expose(&**tracer, tracer.origin, scene, camera, settings, progress),
         }?;
-        if matches!(self.way, Way::Photon(_)) {
-            rendering.film.spread_blur();
+        match self.way {
+            Way::Path(_) => rendering.film.share_noise(),
+            Way::Photon(_) => rendering.film.spread_blur(),
+            Way::Grid(_) => {}
         }
         Ok(Rendering { photons: self.lighting(), ..rendering })
     }
