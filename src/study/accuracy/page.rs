@@ -1,6 +1,7 @@
 //! The study as one page that needs nothing beside it.
 
-use super::figures::{Cell, Figures, GOALS, name};
+use super::figures::{Cell, Figures, name};
+use super::line::GOALS;
 use super::plot::unit;
 use crate::export::png;
 use crate::export::report::{duration, percent};
@@ -22,8 +23,8 @@ pub(super) fn page(figures: &Figures, plot: &str) -> String {
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{scene}: what accuracy costs</title><style>{STYLE}</style>\
          <h1>{scene}: what accuracy costs</h1><p>{width} x {height} pixels. The reference is the path tracer's, twice {} samples a pixel, \
          known to {} a pixel; that noise is in no figure here. Errors are the root mean square over lit pixels, over their mean. Bars are two \
-         standard errors by the scatter of seeds; lines are fits, dashed ones the bias of the last setting. Pale marks differ in one setting \
-         from those on the lines.</p>{plot}",
+         standard errors by the scatter of seeds; lines are fits, dashed ones the bias of the last setting. Marks in grey rings are quicker or \
+         more exact than every other. Pale marks differ in one setting from those on the lines.</p>{plot}",
         figures.reference_samples,
         percent(figures.reference_noise),
     );
