@@ -69,7 +69,7 @@ def picture(scene, folder, *arguments):
 
 
 class Truth:
-    def __init__(self, scene, folder, samples, kept):
+    def __init__(self, scene, folder, samples, kept=None):
         """Of two pictures, from the file `kept` where it is there."""
         if kept and kept.exists():
             self.a, e, self.b, f = (np.load(kept)[key] for key in "aebf")
@@ -84,8 +84,10 @@ class Truth:
         self.level = self.mean[self.lit].mean()
 
     def off(self, image):
-        """The relative error of a pixel, without the truth's noise."""
-        return math.sqrt(max(((image - self.a) * (image - self.b))[self.lit].mean(), 0.0)) / self.level
+        """The relative error of a pixel, without the truth's noise; and how well it is known, by the pixels' scatter."""
+        squares = ((image - self.a) * (image - self.b))[self.lit] / self.level ** 2
+        found = math.sqrt(max(squares.mean(), 0.0))
+        return found, squares.std() / math.sqrt(squares.size) / max(2 * found, 1e-9)
 
 
 WORK = {"path": ("--spp", 256), "grid": ("--photons", "200k", "--spp", 16),
@@ -114,21 +116,22 @@ def coverage(options, folder):
                 within = np.abs(image - truth.mean) <= np.hypot(quantile * error, 1.96 * truth.error)
                 # What is known exactly, as a sky before which nothing is, has no interval.
                 held.append(within[truth.lit & (error > 0)].mean())
-                off.append(truth.off(image) ** 2)
+                off.append(truth.off(image)[0] ** 2)
                 stated.append(said["render"]["relative_error"] ** 2)
             line += f"{np.mean(held):10.1%}{np.mean(off) ** 0.5:8.1%}{np.mean(stated) ** 0.5:8.1%}"
         print(line, flush=True)
 
 
 def landing(options, folder):
-    print(f"{'':28}{'asked':>8}{'found/asked':>13}{'stated':>8}{'seconds':>9}{'foretold':>10}")
+    print(f"{'':28}{'asked':>8}{'found/asked':>20}{'stated':>8}{'seconds':>9}{'foretold':>10}")
     for name, scene, truth in chosen(96, 72, options, folder):
         goals = [("--error", f"{e:g}%") for e in options.errors] + [("--time", f"{t:g}s") for t in options.times]
         for flag, goal in goals:
             image, _, said = picture(scene, folder, flag, goal, "--seed", 7)
-            render, found = said["render"], truth.off(image)
+            render, (found, doubt) = said["render"], truth.off(image)
             expected = render.get("expected") or {}
-            share = f"{found / float(goal[:-1]) * 100:13.2f}" if flag == "--error" else f"{said['wall'] / float(goal[:-1]):11.2f} t"
+            asked = float(goal[:-1])
+            share = f"{100 * found / asked:12.2f} +-{100 * doubt / asked:5.2f}" if flag == "--error" else f"{said['wall'] / asked:18.2f} t"
             foretold = f"{expected['seconds'] / render['seconds']:10.2f}" if expected else f"{'-':>10}"
             print(f"{name:28}{goal:>8}{share}{render['relative_error']:8.1%}{render['seconds']:9.1f}{foretold}", flush=True)
 
