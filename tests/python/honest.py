@@ -90,8 +90,9 @@ class Truth:
         return found, squares.std() / math.sqrt(squares.size) / max(2 * found, 1e-9)
 
 
-WORK = {"path": ("--spp", 256), "grid": ("--photons", "200k", "--spp", 16),
-        "photon": ("--photons", "200k", "--spp", 16)}
+WORK = {"path": ("--integrator", "path", "--spp", 256)}
+WORK |= {name: ("--integrator", name, "--photons", "200k", "--spp", 16) for name in ("grid", "photon")}
+WORK |= {"beam": (*WORK["photon"], "--gather", "beam")}
 
 
 def chosen(width, height, options, folder):
@@ -106,12 +107,12 @@ def coverage(options, folder):
     for name, scene, truth in chosen(48, 36, options, folder):
         line = f"{name:28}"
         for integrator in options.integrators:
-            if integrator == "photon" and (scene["sky"] or scene.get("haze")):
+            if integrator in ("photon", "beam") and (scene["sky"] or scene.get("haze")):
                 line += f"{'-':>10}{'':16}"
                 continue
             held, off, stated = [], [], []
             for seed in range(options.seeds):
-                image, error, said = picture(scene, folder, "--integrator", integrator, *WORK[integrator], "--seed", seed)
+                image, error, said = picture(scene, folder, *WORK[integrator], "--seed", seed)
                 quantile = said["render"]["interval_95"]
                 within = np.abs(image - truth.mean) <= np.hypot(quantile * error, 1.96 * truth.error)
                 # What is known exactly, as a sky before which nothing is, has no interval.
@@ -140,7 +141,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("coverage", "landing"))
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--integrators", nargs="+", choices=tuple(WORK), default=list(WORK))
+    parser.add_argument("--integrators", nargs="+", choices=tuple(WORK), default=["path", "grid", "photon"])
     parser.add_argument("--scenes", type=int, nargs="*", default=[], help="by number, from 0; all")
     parser.add_argument("--reference", type=int, default=2048, help="samples a pixel of each of the two")
     parser.add_argument("--keep", type=pathlib.Path, help="a folder for truths")

@@ -10,7 +10,7 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 
 pub(in crate::study) const STYLE: &str = "body{font:16px/1.45 sans-serif;max-width:1000px;margin:2em auto;padding:0 1em;color:#222}\
 svg{max-width:100%;height:auto}table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;text-align:right;border-bottom:1px solid #ddd}\
-td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:0 .8em 1em 0}figcaption{font-size:.85em;color:#555}\
+td,th{white-space:nowrap}td:nth-child(2){white-space:normal}td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:0 .8em 1em 0}figcaption{font-size:.85em;color:#555}\
 img{image-rendering:pixelated;width:300px}";
 /// A difference as bright as the picture's mean is full red or blue.
 const FULL: f32 = 0.25;

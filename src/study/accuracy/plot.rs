@@ -79,7 +79,8 @@ where
     chart.draw_series(rings.map(|c| Circle::new((c.seconds, c.error()), 11, BLACK.mix(0.45).stroke_width(1))))?;
     for line in &figures.lines {
         let colour = colour(line.integrator);
-        let label = format!("{}: noise\u{b2} ~ {}^{:.2}{}", name(line.integrator), unit(line.integrator), line.noise_falls, doubt(line));
+        // Room behind it: the letters of who looks at the SVG may be wider than those that are measured.
+        let label = format!("{}: noise\u{b2} ~ {}^{}{}", name(line.integrator), unit(line.integrator), power(line), "\u{a0}".repeat(8));
         let at = |i: i32| left * (right / left).powf(f64::from(i) / 200.0);
         let points = (0..=200).filter_map(|i| Some((at(i), line.error(at(i)).filter(|e| (bottom..top).contains(e))?)));
         chart.draw_series(LineSeries::new(points, colour.stroke_width(2)))?.label(label).legend({
@@ -140,6 +141,8 @@ pub(super) fn unit(integrator: Integrator) -> &'static str {
     if integrator == Integrator::Path { "samples" } else { "photons" }
 }
 
-fn doubt(line: &Line) -> String {
-    line.noise_falls_error.map_or(String::new(), |e| format!(" \u{b1} {e:.2}"))
+/// The power by which noise falls, with its error where that is known.
+fn power(line: &Line) -> String {
+    let (fall, digits) = (line.noise_falls, if line.noise_falls_error.is_some_and(|e| e < 0.01) { 3 } else { 2 });
+    line.noise_falls_error.map_or(format!("{fall:.2}"), |e| format!("{fall:.digits$} \u{b1} {e:.digits$}"))
 }
