@@ -1,14 +1,12 @@
 //! The film: what each pixel has received, by the way the light came.
 
+mod around;
 pub mod tone;
 
 use crate::scene::medium::luminance;
 
 /// The depth of a pixel whose rays meet nothing, as Cycles writes it.
 pub const NOTHING: f32 = 1e10;
-
-/// What stored photons blur is told by the pixels so far around.
-const BLUR: usize = 2;
 
 /// What a pixel has received: radiance in W m^-2 sr^-1, linear RGB, the mean over the pixel's square (box filter).
 #[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
@@ -110,30 +108,6 @@ impl Film {
         self.relative(|p| f64::from(p.bias).powi(2))
     }
 
-    /// From what each pixel alone knows of the square of its blur, which is noisy and may be below zero, to its [`Pixel::bias`]: the root of
-    /// the mean over the lit pixels around it. Its standard error grows by that, in the colour of what stored photons brought.
-    pub(crate) fn spread_blur(&mut self) {
-        let (width, height) = (self.width as usize, self.height as usize);
-        let lit = |p: &Pixel| *p != Pixel::UNKNOWN && grey(p.combined()) > 0.0;
-        let around = |i: usize| {
-            let (x, y) = (i % width, i / width);
-            let rows = y.saturating_sub(BLUR)..(y + BLUR + 1).min(height);
-            let row = |y: usize| &self.pixels[y * width + x.saturating_sub(BLUR)..y * width + (x + BLUR + 1).min(width)];
-            let near = rows.flat_map(row).filter(|p| lit(p));
-            let (n, sum) = near.fold((0.0f64, 0.0f64), |(n, sum), p| (n + 1.0, sum + f64::from(p.bias)));
-            if lit(&self.pixels[i]) { (sum / n).max(0.0).sqrt() } else { 0.0 }
-        };
-        let blurs: Vec<f64> = (0..self.pixels.len()).map(around).collect();
-        for (pixel, blur) in self.pixels.iter_mut().zip(blurs) {
-            let whole = grey(pixel.volume_indirect);
-            for (error, light) in pixel.standard_error.iter_mut().zip(pixel.volume_indirect) {
-                let share = if whole > 0.0 { f64::from(light) / whole } else { 1.0 };
-                *error = f64::from(*error).hypot(blur * share) as f32;
-            }
-            pixel.bias = blur as f32;
-        }
-    }
-
     /// The root of the mean of squares over pixels that receive light, over their mean luminance.
     fn relative(&self, square: impl Fn(&Pixel) -> f64) -> Option<f64> {
         let lit = self.pixels.iter().filter(|p| grey(p.combined()) > 0.0);
@@ -144,29 +118,4 @@ impl Film {
 
 fn grey(rgb: [f32; 3]) -> f64 {
     luminance(rgb.map(f64::from))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Blur is spread over what is lit, where noise took some of it below zero, and is in the error in the colour of the light.
-    #[test]
-    fn blur_is_that_of_the_pixels_around() {
-        let lit = |bias: f32| Pixel { volume_indirect: [2.0, 1.0, 0.0], standard_error: [0.3; 3], bias, ..Pixel::default() };
-        let mut pixels = vec![lit(0.5); 9];
-        (pixels[4], pixels[8]) = (lit(-0.1), Pixel { standard_error: [0.3; 3], bias: 7.0, ..Pixel::default() });
-        let mut film = Film { width: 3, height: 3, pixels, sky: false };
-        film.spread_blur();
-        let bias = f64::from((7.0f32 * 0.5 - 0.1) / 8.0).sqrt();
-        assert!(film.pixels[..8].iter().all(|p| (f64::from(p.bias) - bias).abs() < 1e-6) && film.pixels[8].bias == 0.0);
-        let [red, green, blue] = film.pixels[0].standard_error.map(f64::from);
-        let whole = grey([2.0, 1.0, 0.0]);
-        assert!((red - 0.3f64.hypot(2.0 * bias / whole)).abs() < 1e-6 && (green - 0.3f64.hypot(bias / whole)).abs() < 1e-6);
-        assert!((blue - 0.3).abs() < 1e-6 && film.pixels[8].standard_error == [0.3; 3]);
-        // What is dark on the whole has none.
-        let mut film = Film { width: 1, height: 1, pixels: vec![lit(-1.0)], sky: false };
-        film.spread_blur();
-        assert_eq!((film.pixels[0].bias, film.relative_bias()), (0.0, Some(0.0)));
-    }
 }

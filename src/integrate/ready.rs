@@ -2,7 +2,7 @@
 
 use super::grid::GridTracer;
 use super::path::PathTracer;
-use super::photon::{Lighting, PhotonTracer};
+use super::photon::{Gathering, Lighting, PhotonTracer};
 use super::{Integrator, RenderSettings, Rendering, expose};
 use crate::error::Result;
 use crate::photon::PhotonMap;
@@ -86,6 +86,10 @@ impl<'a> Ready<'a> {
             Way::Photon(tracer) => expose(&**tracer, tracer.origin, scene, camera, settings, progress),
             Way::Grid(tracer) => expose(&**tracer, tracer.origin, scene, camera, settings, progress),
         }?;
+        // Of paths, and of beams, which pierce few photons that throw light toward the camera, a few bring most.
+        if matches!(self.way, Way::Path(_)) || (matches!(self.way, Way::Photon(_)) && settings.photon.gather == Gathering::Beam) {
+            rendering.film.share_noise();
+        }
         if matches!(self.way, Way::Photon(_)) {
             rendering.film.spread_blur();
         }

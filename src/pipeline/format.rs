@@ -92,6 +92,10 @@ impl<'a> Targets<'a> {
         }
         self.check_light(job, layout)?;
         let picture = self.any(Format::Exr) || self.any(Format::Png);
+        if !picture && (job.picture.error.is_some() || job.picture.seconds.is_some()) {
+            let idle = "--error and --time say how good a picture is to be, and none is written: add -o cloud.exr, or leave them out";
+            return Err(Error::Usage(idle.into()));
+        }
         match job.picture.integrator.filter(|_| picture) {
             Some(Integrator::Photon) => check_photons(job, &layout.scene),
             Some(Integrator::Grid) => match gridless(layout.scene.regions.iter().filter(|r| stays(r, job.density)), job.duality.model) {

@@ -7,13 +7,15 @@
 mod against;
 mod change;
 mod figures;
+mod line;
 pub(super) mod page;
 mod plot;
 mod store;
 
 pub use against::{Against, against};
 pub use change::Change;
-pub use figures::{Cell, Figures, Line};
+pub use figures::{Cell, Figures};
+pub use line::Line;
 
 use crate::error::{Error, Result};
 use crate::export::report::peak_memory;

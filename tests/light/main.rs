@@ -3,6 +3,7 @@
 //! `cargo test --release --test light -- --nocapture` prints every figure with its error.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod coverage;
 mod fire;
 mod oracles;
 mod plan;

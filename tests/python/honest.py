@@ -3,9 +3,11 @@
     python tests/python/honest.py coverage [--seeds 20] [--integrators path photon] [--scenes 0 1 2]
     python tests/python/honest.py landing [--errors 5 2] [--times 5 15]
 
-Coverage: the share of lit pixels, of all seeds together, whose 95 % interval holds the truth; the truth's own error is counted. Landing: the
-error that was found over the one asked for, the seconds that were foretold over those it took, the seconds it took over those it was given.
-Truths are two pictures of the path tracer each; an error's square is the mean of (I - A)(I - B), which is free of their noise.
+Coverage: the share of lit pixels that are not known exactly, of all seeds together, whose 95 % interval holds the truth; the truth's own error
+is counted. Landing: the error that was found over the one asked for, the seconds that were foretold over those it took, the seconds it took over
+those it was given.
+Truths are two pictures of the path tracer each; an error's square is the mean of (I - A)(I - B), which is free of their noise. With `--keep
+FOLDER` they are made once.
 """
 import argparse
 import json
@@ -67,56 +69,70 @@ def picture(scene, folder, *arguments):
 
 
 class Truth:
-    def __init__(self, scene, folder, samples):
-        (self.a, e, _), (self.b, f, _) = (picture(scene, folder, "--integrator", "path", "--spp", samples, "--seed", 2**40 + i) for i in (0, 1))
+    def __init__(self, scene, folder, samples, kept=None):
+        """Of two pictures, from the file `kept` where it is there."""
+        if kept and kept.exists():
+            self.a, e, self.b, f = (np.load(kept)[key] for key in "aebf")
+        else:
+            (self.a, e, _), (self.b, f, _) = (picture(scene, folder, "--integrator", "path", "--spp", samples, "--seed", 2**40 + i)
+                                              for i in (0, 1))
+            if kept:
+                kept.parent.mkdir(parents=True, exist_ok=True)
+                np.savez(kept, a=self.a, e=e, b=self.b, f=f)
         self.mean, self.error = (self.a + self.b) / 2, np.hypot(e, f) / 2
         self.lit = self.mean > 0.02 * self.mean.max()
         self.level = self.mean[self.lit].mean()
 
     def off(self, image):
-        """The relative error of a pixel, without the truth's noise."""
-        return math.sqrt(max(((image - self.a) * (image - self.b))[self.lit].mean(), 0.0)) / self.level
+        """The relative error of a pixel, without the truth's noise; and how well it is known, by the pixels' scatter."""
+        squares = ((image - self.a) * (image - self.b))[self.lit] / self.level ** 2
+        found = math.sqrt(max(squares.mean(), 0.0))
+        return found, squares.std() / math.sqrt(squares.size) / max(2 * found, 1e-9)
 
 
-WORK = {"path": ("--spp", 1024), "grid": ("--photons", "200k", "--spp", 16),
-        "photon": ("--photons", "200k", "--spp", 16)}
+WORK = {"path": ("--integrator", "path", "--spp", 256)}
+WORK |= {name: ("--integrator", name, "--photons", "200k", "--spp", 16) for name in ("grid", "photon")}
+WORK |= {"beam": (*WORK["photon"], "--gather", "beam")}
 
 
-def chosen(width, height, options):
-    return [pair for number, pair in enumerate(scenes(width, height).items()) if not options.scenes or number in options.scenes]
+def chosen(width, height, options, folder):
+    """Names, scenes and their truths."""
+    for number, (name, scene) in enumerate(scenes(width, height).items()):
+        if not options.scenes or number in options.scenes:
+            yield name, scene, Truth(scene, folder, options.reference, options.keep and options.keep / f"{number}_{width}_{options.reference}.npz")
 
 
 def coverage(options, folder):
     print(f"{'':28}" + "".join(f"{name:>10}{'off':>8}{'stated':>8}" for name in options.integrators))
-    for name, scene in chosen(48, 36, options):
-        truth = Truth(scene, folder, options.reference)
+    for name, scene, truth in chosen(48, 36, options, folder):
         line = f"{name:28}"
         for integrator in options.integrators:
-            if integrator == "photon" and (scene["sky"] or scene.get("haze")):
+            if integrator in ("photon", "beam") and (scene["sky"] or scene.get("haze")):
                 line += f"{'-':>10}{'':16}"
                 continue
             held, off, stated = [], [], []
             for seed in range(options.seeds):
-                image, error, said = picture(scene, folder, "--integrator", integrator, *WORK[integrator], "--seed", seed)
+                image, error, said = picture(scene, folder, *WORK[integrator], "--seed", seed)
                 quantile = said["render"]["interval_95"]
                 within = np.abs(image - truth.mean) <= np.hypot(quantile * error, 1.96 * truth.error)
-                held.append(within[truth.lit].mean())
-                off.append(truth.off(image) ** 2)
+                # What is known exactly, as a sky before which nothing is, has no interval.
+                held.append(within[truth.lit & (error > 0)].mean())
+                off.append(truth.off(image)[0] ** 2)
                 stated.append(said["render"]["relative_error"] ** 2)
             line += f"{np.mean(held):10.1%}{np.mean(off) ** 0.5:8.1%}{np.mean(stated) ** 0.5:8.1%}"
         print(line, flush=True)
 
 
 def landing(options, folder):
-    print(f"{'':28}{'asked':>8}{'found/asked':>13}{'stated':>8}{'seconds':>9}{'foretold':>10}")
-    for name, scene in chosen(96, 72, options):
-        truth = Truth(scene, folder, options.reference)
+    print(f"{'':28}{'asked':>8}{'found/asked':>20}{'stated':>8}{'seconds':>9}{'foretold':>10}")
+    for name, scene, truth in chosen(96, 72, options, folder):
         goals = [("--error", f"{e:g}%") for e in options.errors] + [("--time", f"{t:g}s") for t in options.times]
         for flag, goal in goals:
             image, _, said = picture(scene, folder, flag, goal, "--seed", 7)
-            render, found = said["render"], truth.off(image)
+            render, (found, doubt) = said["render"], truth.off(image)
             expected = render.get("expected") or {}
-            share = f"{found / float(goal[:-1]) * 100:13.2f}" if flag == "--error" else f"{said['wall'] / float(goal[:-1]):11.2f} t"
+            asked = float(goal[:-1])
+            share = f"{100 * found / asked:12.2f} +-{100 * doubt / asked:5.2f}" if flag == "--error" else f"{said['wall'] / asked:18.2f} t"
             foretold = f"{expected['seconds'] / render['seconds']:10.2f}" if expected else f"{'-':>10}"
             print(f"{name:28}{goal:>8}{share}{render['relative_error']:8.1%}{render['seconds']:9.1f}{foretold}", flush=True)
 
@@ -125,9 +141,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("coverage", "landing"))
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--integrators", nargs="+", choices=tuple(WORK), default=list(WORK))
+    parser.add_argument("--integrators", nargs="+", choices=tuple(WORK), default=["path", "grid", "photon"])
     parser.add_argument("--scenes", type=int, nargs="*", default=[], help="by number, from 0; all")
     parser.add_argument("--reference", type=int, default=2048, help="samples a pixel of each of the two")
+    parser.add_argument("--keep", type=pathlib.Path, help="a folder for truths")
     parser.add_argument("--errors", type=float, nargs="*", default=[5.0, 2.0], help="per cent")
     parser.add_argument("--times", type=float, nargs="*", default=[4.0])
     options = parser.parse_args()

@@ -59,7 +59,7 @@ def main():
                 shots = run(samples, [0, 1])
                 write(path, shots.images[0])
                 seconds.write_text(f"{statistics.median(shots.seconds):.2f}")
-            against += ["--against", f"{path}:{seconds.read_text()}:{name}, {samples}"]
+            against += ["--against", f"{path}:{seconds.read_text()}:{name}, {samples} samples"]
     quick = ["--quick"] if options.quick else []
     subprocess.run([str(command.binary()), "study", scene["vdb"], "-o", str(options.folder), "--reference", str(options.reference), *quick,
                     *map(str, peers.flags(scene)), *against], check=True, env=command.environment())

@@ -134,9 +134,16 @@ def test_a_dark_picture_has_no_error_and_no_end_is_waited_for(cloud, tmp_path):
     (["--error", "5%", "--integrator", "photon"], "--integrator grid or path"),
     (["--picture-photons", "0"], "--picture-photons must be"),
     (["--time", "5s", "--spp", "4"], "--spp"),
+    (["--error", "0.001%", "--time", "1s"], "from 0.05% to 50%"),
+    (["--photons", "0"], "--photons"),
 ])
 def test_the_impossible_gets_a_sentence(cloud, tmp_path, arguments, said):
     command.refuse(cloud, "-o", tmp_path / "x.exr", *arguments, code=2, says=[said], folder=tmp_path)
+
+
+@pytest.mark.parametrize("goal", [["--error", "5%"], ["--time", "5s"]])
+def test_what_is_to_be_reached_is_of_a_picture(cloud, tmp_path, goal):
+    command.refuse(cloud, "-o", tmp_path / "x.vdb", *goal, code=2, says=["none is written", "-o cloud.exr"], folder=tmp_path)
 
 
 def test_an_interrupted_picture_is_kept_where_that_is_asked_for(cloud, tmp_path):

@@ -1,6 +1,7 @@
 //! The study as one page that needs nothing beside it.
 
-use super::figures::{Cell, Figures, GOALS, name};
+use super::figures::{Cell, Figures, name};
+use super::line::GOALS;
 use super::plot::unit;
 use crate::export::png;
 use crate::export::report::{duration, percent};
@@ -9,7 +10,7 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 
 pub(in crate::study) const STYLE: &str = "body{font:16px/1.45 sans-serif;max-width:1000px;margin:2em auto;padding:0 1em;color:#222}\
 svg{max-width:100%;height:auto}table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;text-align:right;border-bottom:1px solid #ddd}\
-td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:0 .8em 1em 0}figcaption{font-size:.85em;color:#555}\
+td,th{white-space:nowrap}td:nth-child(2){white-space:normal}td:first-child,th:first-child{text-align:left}figure{display:inline-block;margin:0 .8em 1em 0}figcaption{font-size:.85em;color:#555}\
 img{image-rendering:pixelated;width:300px}";
 /// A difference as bright as the picture's mean is full red or blue.
 const FULL: f32 = 0.25;
@@ -22,8 +23,8 @@ pub(super) fn page(figures: &Figures, plot: &str) -> String {
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{scene}: what accuracy costs</title><style>{STYLE}</style>\
          <h1>{scene}: what accuracy costs</h1><p>{width} x {height} pixels. The reference is the path tracer's, twice {} samples a pixel, \
          known to {} a pixel; that noise is in no figure here. Errors are the root mean square over lit pixels, over their mean. Bars are two \
-         standard errors by the scatter of seeds; lines are fits, dashed ones the bias of the last setting. Pale marks differ in one setting \
-         from those on the lines.</p>{plot}",
+         standard errors by the scatter of seeds; lines are fits, dashed ones the bias of the last setting. Marks in grey rings are quicker or \
+         more exact than every other. Pale marks differ in one setting from those on the lines.</p>{plot}",
         figures.reference_samples,
         percent(figures.reference_noise),
     );
