@@ -176,7 +176,7 @@ impl SourceFunction {
                     first: 0,
                     seed: settings.seed,
                     voxels,
-                    coarser: NARROWER,
+                    coarser: if matches!(kept, Kept::Toward(_)) { 1.0 } else { NARROWER },
                 };
                 followed.field = Some(Plain::new(request, &followed.photons, share, progress)?);
             }
