@@ -268,15 +268,16 @@ def rim(picture):
     return ~still & (around(still) > 0)
 
 
-def stated_errors(stated, images, alpha=ALPHA):
+def stated_errors(stated, images, shared=False):
     """Are a renderer's own standard errors true? Judged by how its seeds scatter: (ratio of variances, its standard
-    error). `stated` are the error pictures of the seeds, `images` the seeds."""
+    error). `stated` are the error pictures of the seeds, `images` the seeds. Where pixels share their variance with those
+    around them, as the path tracer's do, only sums of variances are told."""
     images = np.array([grey(image) for image in images])
     k = len(images)
     claimed = (np.array([grey(error) for error in stated]) ** 2).mean(axis=0)
     shown = images.var(axis=0, ddof=1)
-    # Weighed so that every pixel counts alike; its scatter says how well the ratio is known.
-    weight = 1.0 / np.maximum(pooled(claimed, images.mean(axis=0)), 1e-30)
+    # Weighed so that every pixel counts alike, unless they share; its scatter says how well the ratio is known.
+    weight = np.ones_like(claimed) if shared else 1.0 / np.maximum(pooled(claimed, images.mean(axis=0)), 1e-30)
     use = claimed > 0
     claims, shows = (claimed * weight)[use], (shown * weight)[use]
     ratio = shows.sum() / claims.sum()
