@@ -116,7 +116,12 @@ pub fn take_to(goal: &Goal, scene: &Scene, framed: &Framed, settings: &RenderSet
         watch.expects(error, seconds);
         expected.get_or_insert(Expected { relative_error: error, seconds: series.elapsed()? + seconds });
         // By few samples first, where there are photons: these leave so much to the others.
-        let spp = if grid { wanted.1.min(FEW_SPP) } else { wanted.1 };
+        let spp = match (grid, goal.seconds) {
+            (false, _) => wanted.1,
+            (true, None) => wanted.1.min(FEW_SPP),
+            // What fewer take tells no time.
+            (true, Some(_)) => FEW_SPP,
+        };
         whole = series.brighten()? && series.expose(spp as u32)?;
         if whole && grid {
             whole = close(&mut series, goal, done)?;
