@@ -60,7 +60,7 @@ const HIDDEN: f64 = 9.0;
 /// And behind so much of similar media.
 const HAZY: f64 = 5.0;
 /// What a number of a voxel takes while light is gathered and smoothed, bytes, colours included; and what it takes afterwards.
-const BYTES: u64 = 1080;
+const BYTES: u64 = 1160;
 const KEPT: u64 = 82;
 /// Voxels are at most so many a pixel; and so many may always be.
 const VOXELS_A_PIXEL: u64 = 16;
@@ -112,9 +112,8 @@ impl GridTracer {
         let parts = parts(scene);
         let fields = parts.len() as u64 * if scene.surfaces.is_empty() { 1 } else { 2 };
         let held = settings.photon.memory / (BYTES + (fields - 1) * KEPT);
-        let all = photons;
         // What photons are too few for, or pixels too wide, is not worth its time.
-        let told = all / parts.len() as u64;
+        let told = photons / parts.len() as u64;
         let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
         let channel = |(part, mask): (Cow<Scene>, Vec3)| {
             let tracer = PathTracer::new(&part, plan);
@@ -151,7 +150,7 @@ impl GridTracer {
                 }
             }
             let glow = || Glow::new(&tracer, lens, [settings.width, settings.height], told, settings.seed);
-            let glow = if part.air.is_empty() { None } else { glow() };
+            let glow = (!part.air.is_empty()).then(glow).flatten();
             let media = tracer.lights || !part.air.is_empty() || !part.flames.is_empty();
             let bright = part.surfaces.iter().flat_map(|s| s.albedo).any(|albedo| albedo > 0.0);
             let cast = (media && bright).then(|| Cast::new(lens, [settings.width, settings.height], settings.seed));

@@ -26,6 +26,7 @@ const FALLS: i32 = 5;
 const SPARSE: f64 = 25.0;
 const FASTER: f64 = 0.3;
 const WIDEST: f64 = 3.5;
+/// No kernel is narrower for the sake of a peak than so many mean free paths.
 const NARROW: f64 = 0.1;
 
 /// Through which media light is seen.
