@@ -311,7 +311,7 @@ impl Tracer {
         if start.power > 0.0 {
             let Start { ray, power, tint, counted, scattered, from_air } = start;
             let spectrum = Spectrum::draw(&self.air, rng);
-            left.push(Branch { ray, power, tint, spectrum, counted, bounced: scattered, met: false, from_air });
+            left.push(Branch { ray, power, share: 1.0, tint, spectrum, counted, bounced: scattered, met: false, from_air });
         }
         while let Some(branch) = left.pop() {
             self.branch::<R, W>(branch, rng, batch, scratch, &mut left, wanted, witness, progress);
@@ -333,7 +333,7 @@ impl Tracer {
         witness: &W,
         progress: &dyn Progress,
     ) {
-        let (mut collisions, mut hint, mut share) = (0u64, 0.0, 1.0);
+        let (mut collisions, mut hint) = (0u64, 0.0);
         let grids = self.model == Model::Hura2006 && self.media.has_grids();
         loop {
             let tau = R::optical_depth(rng);
@@ -346,14 +346,14 @@ impl Tracer {
             let reach = hit.as_ref().map_or(reach, |h| h.t);
             let in_air = if self.air.is_empty() { None } else { self.air.fly(&at.ray, reach, &at.spectrum, rng) };
             let reach = in_air.map_or(reach, |(distance, _)| distance);
-            witness.flight(&at.ray, reach, at.power * share, at.colour(&self.air), events, rng);
+            witness.flight(&at.ray, reach, at.power * at.share, at.colour(&self.air), events, rng);
             at.tint *= at.spectrum.flown(&self.air, &at.ray, reach, in_air.map(|(_, layer)| layer));
             if let Some((distance, layer)) = in_air {
                 match at.in_air(distance, layer, rng) {
                     Some(next) => at = next,
                     None => return batch.end(Fate::Escaped, &at),
                 }
-                (hint, share) = (0.0, 1.0);
+                hint = 0.0;
                 continue;
             }
             if let Some(hit) = hit {
@@ -361,11 +361,11 @@ impl Tracer {
                 if at.from_air && !at.met && self.air_light.is_some_and(outside) {
                     return batch.end(Fate::Escaped, &at);
                 }
-                match self.bounce(&at, &hit, rng, batch, left) {
+                match self.bounce(&at, &hit, (witness, scratch), rng, batch, left) {
                     Some(next) => at = next,
                     None => return,
                 }
-                (hint, share) = (0.0, 1.0);
+                hint = 0.0;
                 continue;
             }
             let Flight::Collision { distance, region, sigma_t } = flight else {
@@ -418,7 +418,7 @@ impl Tracer {
             let (cos, sin) = if similar.is_some() { phase.sample(rng) } else { R::scatter(optics.g, rng.uniform()) };
             at.ray = Ray { origin: p, direction: around(before, cos as f32, sin as f32, rng.uniform_f32()) };
             hint = sigma_t;
-            share = witness.share(p, before, at.ray.direction, phase);
+            at.share = witness.share(p, before, at.ray.direction, phase);
         }
     }
 

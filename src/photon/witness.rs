@@ -11,6 +11,8 @@ use glam::Vec3;
 pub trait Witness: Sync {
     /// Whether photons are stored as well.
     const KEEPS: bool;
+    /// How many flights of its own begin where a surface reflects a photon.
+    const OFF_SURFACE: u32 = 0;
 
     /// A flight along a ray, which ends after `reach` metres or not at all, of a photon of that power (before it is divided by the
     /// number of paths) and colour that has collided or bounced `events` times.
@@ -25,6 +27,16 @@ pub trait Witness: Sync {
     /// direction of the witness's own; and the part of the photon's power that it stands for.
     fn aside(&self, _p: Vec3, _before: Vec3, _phase: Phase, _rng: &mut Rng) -> Option<(Vec3, f64)> {
         None
+    }
+
+    /// The direction of such a flight from `p`, where one is wanted.
+    fn off_surface(&self, _p: Vec3, _rng: &mut Rng) -> Option<Vec3> {
+        None
+    }
+
+    /// The density of all of these in a direction, 1/sr: it is their number in all.
+    fn off_surface_density(&self, _p: Vec3, _direction: Vec3) -> f64 {
+        0.0
     }
 
     /// What of the power is left to the photon's own flight in `direction`.

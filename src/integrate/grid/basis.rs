@@ -121,6 +121,25 @@ impl Basis {
         if phase.g.abs() < PEAKED { 1.0 } else { self.own(p, before, direction, phase).into() }
     }
 
+    /// The same for light that a surface sends in all directions: a direction toward the camera by the phase function that has the highest peak, which
+    /// is what the camera sees such light by where it has scattered once.
+    #[inline]
+    pub fn off_surface(&self, p: Vec3, rng: &mut Rng) -> Option<Vec3> {
+        self.toward(p, self.most_peaked()?, rng)
+    }
+
+    /// The density of these directions, 1/sr.
+    #[inline]
+    pub fn off_surface_density(&self, p: Vec3, direction: Vec3) -> f64 {
+        let (Some(phase), Basis::View { eye, .. }) = (self.most_peaked(), self) else { return 0.0 };
+        (*eye - p).try_normalize().map_or(0.0, |outward| Lobe::of(phase, outward).value(direction).into())
+    }
+
+    fn most_peaked(&self) -> Option<Phase> {
+        let Basis::View { cosines, .. } = self else { return None };
+        cosines.last().filter(|&&g| g >= PEAKED).map(|&g| Phase::henyey_greenstein(g))
+    }
+
     /// A direction toward the camera, by a phase function around it.
     #[inline]
     fn toward(&self, p: Vec3, phase: Phase, rng: &mut Rng) -> Option<Vec3> {

@@ -20,6 +20,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const SPACING: f64 = 1.0;
 /// And so many times as far in similar media, whose free paths are longer.
 const WIDER: f32 = 2.0;
+/// Flights toward the camera where a surface reflects a photon: they cost little, and limbs before bright ground are as smooth as the rest.
+const OFF_SURFACE: u32 = 6;
 /// Sums are of whole numbers, of which the strongest photon in the phase function's peak is 2^36: the same in whatever order.
 const WHOLE: f64 = (1u64 << 36) as f64;
 
@@ -143,6 +145,7 @@ impl<'a> Deposits<'a> {
 
 impl Witness for Deposits<'_> {
     const KEEPS: bool = false;
+    const OFF_SURFACE: u32 = OFF_SURFACE;
 
     #[inline]
     fn similar(&self, events: u64) -> Option<&SimilarMedia> {
@@ -191,6 +194,16 @@ impl Witness for Deposits<'_> {
     #[inline]
     fn aside(&self, p: Vec3, before: Vec3, phase: Phase, rng: &mut Rng) -> Option<(Vec3, f64)> {
         self.basis.aside(p, before, phase, rng)
+    }
+
+    #[inline]
+    fn off_surface(&self, p: Vec3, rng: &mut Rng) -> Option<Vec3> {
+        self.basis.off_surface(p, rng)
+    }
+
+    #[inline]
+    fn off_surface_density(&self, p: Vec3, direction: Vec3) -> f64 {
+        f64::from(OFF_SURFACE) * self.basis.off_surface_density(p, direction)
     }
 
     #[inline]

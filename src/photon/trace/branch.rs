@@ -4,7 +4,7 @@ use super::{Batch, Fate, Tracer};
 use crate::geom::Ray;
 use crate::media::air::{Atmosphere, Layer, Spectrum};
 use crate::media::{Flight, Media, Scratch};
-use crate::photon::{Colour, Model};
+use crate::photon::{Colour, Model, Witness};
 use crate::rng::Rng;
 use crate::sampling::{around, cosine_hemisphere};
 use crate::trimesh::Hit;
@@ -17,6 +17,8 @@ use std::f64::consts::PI;
 pub(super) struct Branch {
     pub ray: Ray,
     pub power: f64,
+    /// What of it counts in its next flight, where a witness has flights of its own.
+    pub share: f64,
     /// What its power counts in each channel.
     pub tint: Vec3,
     pub spectrum: Spectrum,
@@ -45,7 +47,7 @@ impl Branch {
         let (cos, sin) = layer.scattering.sample(rng.uniform());
         let direction = around(self.ray.direction, cos as f32, sin as f32, rng.uniform_f32());
         let tint = self.tint * layer.albedo / kept;
-        Some(Branch { ray: Ray { origin: self.ray.at(distance), direction }, tint, bounced: true, ..*self })
+        Some(Branch { ray: Ray { origin: self.ray.at(distance), direction }, tint, share: 1.0, bounced: true, ..*self })
     }
 }
 
@@ -62,10 +64,11 @@ impl Tracer {
     /// their bounding sphere, so that light from far ground arrives by many weak photons and not by a few strong ones; what
     /// goes elsewhere is sampled over the hemisphere and dropped inside the cone. To the letter there is no such branch, as the
     /// duality counts photons and not their power. Returns how the latter goes on.
-    pub(super) fn bounce(
+    pub(super) fn bounce<W: Witness>(
         &self,
         at: &Branch,
         hit: &Hit,
+        (witness, scratch): (&W, &mut Scratch),
         rng: &mut Rng,
         batch: &mut Batch,
         left: &mut SmallVec<[Branch; 8]>,
@@ -75,9 +78,25 @@ impl Tracer {
         let origin = hit.off(&at.ray);
         let aimed = albedo > 0.0 && self.model == Model::Physical;
         let cone = self.emitter.aim().filter(|_| aimed).and_then(|aim| aim.seen_from(origin));
+        let cosine = |direction: Vec3| f64::from(direction.dot(hit.normal)).max(0.0);
+        // The photon's own flights and the witness's share directions by the balance heuristic.
+        let own = |direction: Vec3| cone.filter(|c| c.holds(direction)).map_or_else(|| cosine(direction) / PI, |c| 1.0 / c.solid_angle);
+        let share = |direction: Vec3| match witness.off_surface_density(origin, direction) {
+            0.0 => 1.0,
+            other => own(direction) / (own(direction) + other),
+        };
+        for _ in 0..W::OFF_SURFACE {
+            let Some(direction) = witness.off_surface(origin, rng) else { break };
+            let part = albedo * cosine(direction) / PI / (own(direction) + witness.off_surface_density(origin, direction));
+            if part > 0.0 {
+                let (ray, next) = (Ray { origin, direction }, Branch { tint, ..*at });
+                let reach = self.reach(&self.media, &ray, 0.0, &at.spectrum, rng, scratch);
+                witness.flight(&ray, reach, at.power * part, next.colour(&self.air), 1, rng);
+            }
+        }
         if let Some(cone) = &cone {
             let direction = cone.sample(rng);
-            let cos = f64::from(direction.dot(hit.normal)).max(0.0);
+            let cos = cosine(direction);
             let power = at.power * albedo * cos * cone.solid_angle / PI;
             // Branches too weak to matter play roulette.
             let floor = 0.1 * self.emitter.base_power();
@@ -93,7 +112,8 @@ impl Tracer {
                 if !at.counted {
                     batch.power += kept;
                 }
-                left.push(Branch { ray: Ray { origin, direction }, power: kept, tint, counted: true, bounced: true, ..*at });
+                let share = share(direction);
+                left.push(Branch { ray: Ray { origin, direction }, power: kept, share, tint, counted: true, bounced: true, ..*at });
             }
         }
         if rng.uniform() >= albedo {
@@ -110,6 +130,7 @@ impl Tracer {
         if counted && !at.counted {
             batch.power += at.power;
         }
-        Some(Branch { ray: Ray { origin, direction }, tint, counted, bounced: true, ..*at })
+        let share = share(direction);
+        Some(Branch { ray: Ray { origin, direction }, share, tint, counted, bounced: true, ..*at })
     }
 }
