@@ -120,7 +120,7 @@ impl GridTracer {
             let lens = Lens::new(camera, settings.width, settings.height, tracer.origin);
             let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass().in_colour(&part);
             let toward = settings.photon.directional == Directional::View;
-            let photons = if toward { photons.seen_from(lens.position()) } else { photons }.through(&part.air);
+            let photons = if toward { photons.seen_from(&part, tracer.origin, lens.position(), |centre, radius| lens.frames(centre, radius)) } else { photons }.through(&part.air);
             let (mut view, mut around) = (None, None);
             // Sunlight that scattered once is looked at: photons are for the rest.
             let once = plan.orders == Some(1) && !sends(&part, plan);
@@ -144,7 +144,7 @@ impl GridTracer {
                         through.as_ref().map_or_else(|| sees(&lens, (media, HIDDEN), brick), |media| sees(&lens, (media, HAZY), brick))
                     };
                     view = Some(field((basis, orders), &seen, 0, if aspect.within { FINER } else { 1.0 }, 1));
-                    around = tracer.lights.then(|| field((ALL, Orders::own()), &|_| true, FIRST, COARSER, FEWER));
+                    around = tracer.lights.then(|| field((ALL, Orders::afar()), &|_| true, FIRST, COARSER, FEWER));
                 } else {
                     view = Some(field((ALL, Orders::own()), &|_| true, 0, 1.0, 1));
                 }

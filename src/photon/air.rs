@@ -6,7 +6,7 @@
 //! the paths that are followed backward stand for what it would become.
 
 use super::emit::Start;
-use super::eye::Eye;
+use super::eye::{Eye, across};
 use super::trace::Tracer;
 use crate::geom::{Ray, basis};
 use crate::media::air::Layer;
@@ -68,21 +68,26 @@ impl AirLight {
 
     fn candidate(&self, tracer: &Tracer, rng: &mut Rng, scratch: &mut Scratch) -> Start {
         let axis = tracer.emitter.axis;
+        let radius = f64::from(self.radius);
         let others = |rng: &mut Rng| {
-            if rng.uniform() < 0.5 {
-                return uniform_sphere(rng);
-            }
-            let (cos, sin) = sample_henyey_greenstein(AUREOLE, rng.uniform());
-            around(axis, cos as f32, sin as f32, rng.uniform_f32())
+            let direction = if rng.uniform() < 0.5 {
+                uniform_sphere(rng)
+            } else {
+                let (cos, sin) = sample_henyey_greenstein(AUREOLE, rng.uniform());
+                around(axis, cos as f32, sin as f32, rng.uniform_f32())
+            };
+            let ((u, v), (sin, cos), rho) = (basis(direction), (TAU * rng.uniform()).sin_cos(), radius * rng.uniform().sqrt());
+            (direction, u * (rho * cos) as f32 + v * (rho * sin) as f32)
         };
-        let density = |direction| 0.5 / (4.0 * PI) + 0.5 * henyey_greenstein(AUREOLE, one_minus_cos(axis, direction));
-        let (direction, pdf) = Eye::mixed(tracer.eye.as_ref(), rng, others, density);
-        let (u, v) = basis(direction);
-        let (radius, (sin, cos)) = (f64::from(self.radius), (TAU * rng.uniform()).sin_cos());
-        let rho = radius * rng.uniform().sqrt();
-        let half = (radius * radius - rho * rho).max(0.0).sqrt();
-        let entrance = u * (rho * cos) as f32 + v * (rho * sin) as f32 - direction * half as f32;
-        let weight = PI * radius * radius / pdf;
+        let density = |direction: Vec3, _| {
+            let of_directions = 0.5 / (4.0 * PI) + 0.5 * henyey_greenstein(AUREOLE, one_minus_cos(axis, direction));
+            of_directions / (PI * radius * radius)
+        };
+        let (direction, point, density) = Eye::mixed(tracer.eye.as_ref(), rng, others, density);
+        let p = across(direction, point);
+        let half = (radius * radius - f64::from(p.length_squared())).max(0.0).sqrt();
+        let entrance = p - direction * half as f32;
+        let weight = 1.0 / density;
         let back = Ray { origin: entrance, direction: -direction };
         let (origin, light) = if rng.uniform() < self.inside {
             let chord = 2.0 * half;

@@ -187,19 +187,23 @@ impl Silhouette {
 
 impl Skirt {
     fn sample(&self, rng: &mut Rng) -> (Vec2, f64) {
-        let (p, pdf) = aside(self.radius, rng);
-        (self.centre + p, pdf)
+        let p = aside(self.radius, rng);
+        (self.centre + p, aside_density(self.radius, p.length()))
     }
 }
 
-/// A point of a plane with density 1 / (2 pi r^2) (1 + rho^2/r^2)^(-3/2) around 0, and that density, 1/m^2.
-pub(super) fn aside(radius: f32, rng: &mut Rng) -> (Vec2, f64) {
+/// A point of a plane with density 1 / (2 pi r^2) (1 + rho^2/r^2)^(-3/2) around 0.
+pub(super) fn aside(radius: f32, rng: &mut Rng) -> Vec2 {
     let c = 1.0 / (1.0 - rng.uniform());
     let rho = f64::from(radius) * (c * c - 1.0).max(0.0).sqrt();
     let (sin, cos) = (std::f64::consts::TAU * rng.uniform()).sin_cos();
-    let r2 = f64::from(radius).powi(2);
-    let pdf = (1.0 + rho * rho / r2).powf(-1.5) / (std::f64::consts::TAU * r2);
-    (Vec2::new((rho * cos) as f32, (rho * sin) as f32), pdf)
+    Vec2::new((rho * cos) as f32, (rho * sin) as f32)
+}
+
+/// That density, 1/m^2.
+pub(super) fn aside_density(radius: f32, rho: f32) -> f64 {
+    let (r2, rho2) = (f64::from(radius).powi(2), f64::from(rho).powi(2));
+    (1.0 + rho2 / r2).powf(-1.5) / (std::f64::consts::TAU * r2)
 }
 
 /// Slabs go on for ever: light is started over their tile. Beside other regions the tile is widened by three times the

@@ -1,7 +1,7 @@
 //! Photons of the sky: from all directions as its light comes, aimed at the regions and at what surfaces may send toward them.
 
-use super::emit::{Start, aside, reach};
-use super::eye::Eye;
+use super::emit::{Start, aside, aside_density, reach};
+use super::eye::{Eye, across};
 use crate::geom::{Ray, basis};
 use crate::rng::Rng;
 use crate::sampling::uniform_sphere;
@@ -54,13 +54,32 @@ impl Sky {
     /// send back falls ([`aside`]).
     /// Its colour is that of the light from there, of luminance 1.
     pub fn emit(&self, rng: &mut Rng, eye: Option<&Eye>) -> Start {
-        let others = |rng: &mut Rng| match &self.dome {
-            Some(dome) => -dome.sample(rng.uniform_f32(), rng.uniform_f32()).0,
-            None => uniform_sphere(rng),
+        let others = |rng: &mut Rng| {
+            let direction = match &self.dome {
+                Some(dome) => -dome.sample(rng.uniform_f32(), rng.uniform_f32()).0,
+                None => uniform_sphere(rng),
+            };
+            let p = if self.beside {
+                aside(self.radius, rng)
+            } else {
+                let (sin, cos) = (TAU * rng.uniform()).sin_cos();
+                let rho = f64::from(self.radius) * rng.uniform().sqrt();
+                Vec2::new((rho * cos) as f32, (rho * sin) as f32)
+            };
+            let (u, v) = basis(direction);
+            (direction, u * p.x + v * p.y)
         };
-        let density = |direction: Vec3| self.dome.as_ref().map_or(1.0 / (4.0 * PI), |dome| dome.density_of(-direction).into());
-        let (direction, density) = Eye::mixed(eye, rng, others, density);
+        let density = |direction: Vec3, point: Vec3| {
+            let pdf = if self.beside {
+                aside_density(self.radius, across(direction, point).length())
+            } else {
+                1.0 / (PI * f64::from(self.radius).powi(2))
+            };
+            pdf * self.dome.as_ref().map_or(1.0 / (4.0 * PI), |dome| dome.density_of(-direction).into())
+        };
+        let (direction, point, density) = Eye::mixed(eye, rng, others, density);
         let direction = direction.normalize();
+        let p = across(direction, point);
         let (radiance, tint) = match &self.dome {
             None => (self.radiance, Vec3::ONE),
             Some(dome) => {
@@ -69,17 +88,9 @@ impl Sky {
                 (grey, if grey > 0.0 { light / grey as f32 } else { Vec3::ONE })
             }
         };
-        let (u, v) = basis(direction);
-        let (p, pdf) = if self.beside {
-            aside(self.radius, rng)
-        } else {
-            let (sin, cos) = (TAU * rng.uniform()).sin_cos();
-            let rho = f64::from(self.radius) * rng.uniform().sqrt();
-            (Vec2::new((rho * cos) as f32, (rho * sin) as f32), 1.0 / (PI * f64::from(self.radius).powi(2)))
-        };
         // Beyond all surfaces nothing sends light back.
-        let power = if p.length() > self.far { 0.0 } else { radiance / (density * pdf) };
-        let origin = u * p.x + v * p.y - direction * self.far;
+        let power = if p.length() > self.far { 0.0 } else { radiance / density };
+        let origin = p - direction * self.far;
         Start { ray: Ray { origin, direction }, power, tint, counted: false, scattered: true, from_air: false }
     }
 }

@@ -7,6 +7,8 @@ use glam::DVec3;
 
 /// The last order of each class of light, and the usual standard deviation of its kernel in mean free paths.
 const ALL: [(u64, f64); 5] = [(2, 0.55), (4, 0.8), (8, 1.2), (16, 1.7), (u64::MAX, 2.4)];
+/// The same of light for surfaces and air, which see it from afar and all at once.
+const AFAR: [(u64, f64); 2] = [(4, 0.8), (u64::MAX, 1.7)];
 /// The same where light is followed in similar media: that of the first [`FEWEST`] scatterings in the scene's own, and what scattered in others,
 /// which count fewer.
 const SIMILAR: [(u64, f64); 3] = [(FEWEST, 0.8), (FEWEST + 2, 1.2), (u64::MAX, 2.2)];
@@ -52,6 +54,11 @@ impl Orders {
     /// All of them in the scene's own media.
     pub fn own() -> Self {
         Orders { similar: None, own: u64::MAX, classes: ALL.to_vec(), sharp: f64::INFINITY }
+    }
+
+    /// The same for light that is not looked at but lights surfaces and air.
+    pub fn afar() -> Self {
+        Orders { classes: AFAR.to_vec(), ..Orders::own() }
     }
 
     /// After so many scatterings in similar media, where the scene has peaked phase functions and photons, so many over each square mean free path,
