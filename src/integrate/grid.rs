@@ -14,6 +14,7 @@
 mod air;
 mod aspect;
 mod basis;
+mod behind;
 mod cast;
 mod deposit;
 mod field;

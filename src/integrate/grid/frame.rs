@@ -127,6 +127,13 @@ impl Frame {
         }
     }
 
+    /// How far from its origin a ray leaves the bricks' bounds, m.
+    pub fn leaves(&self, ray: &Ray) -> f32 {
+        let end = (self.size * BRICK_SIDE).as_vec3() * self.step;
+        let origin = ray.origin - self.corner;
+        (-origin / ray.direction).max((end - origin) / ray.direction).min_element().max(0.0)
+    }
+
     /// Visits the voxels whose centres are around a point, with their trilinear weights.
     #[inline]
     pub fn around(&self, p: Vec3, visit: impl FnMut(usize, f32)) {

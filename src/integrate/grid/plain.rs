@@ -5,11 +5,14 @@ use super::basis::Basis;
 use super::deposit::Deposits;
 use super::field::Request;
 use super::fit::{Fit, needed};
-use super::orders::Orders;
+use super::behind::behind;
+use super::orders::{Orders, Through};
 use super::space::Space;
 use crate::error::Result;
-use crate::photon::Tracer;
+use crate::media::Media;
+use crate::photon::{SimilarMedia, Tracer};
 use crate::progress::Progress;
+use crate::trimesh::TriMesh;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -30,9 +33,10 @@ pub(super) const NARROWER: f64 = 0.7;
 pub(super) struct Plain {
     basis: Basis,
     space: Space,
+    orders: Orders,
     photons: u64,
     /// Of each voxel, per unit of optical depth and of albedo: the numbers of the basis, and after them the first four of
-    /// each class that is kept apart.
+    /// each class that is kept apart; or those seen through similar media, and what arrives from behind through these, W m^-2 sr^-1.
     light: Vec<f32>,
     /// Whether a voxel has medium around it.
     lit: Vec<bool>,
@@ -49,7 +53,7 @@ impl Plain {
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`].
-    pub(super) fn new(request: Request, tracer: &Tracer, photons: u64, progress: &dyn Progress) -> Result<Self> {
+    pub(super) fn new(request: Request, (tracer, surfaces): (&Tracer, &TriMesh), photons: u64, progress: &dyn Progress) -> Result<Self> {
         let space = Space::new(&request);
         let Request { media, basis, orders, seed, .. } = request;
         let (numbers, items) = (basis.len(), photons.div_ceil(Tracer::PATHS));
@@ -62,7 +66,23 @@ impl Plain {
         let raw: Vec<f32> = (0..places * classes).into_par_iter().map(raw).collect();
         drop(deposits);
         let (light, lit) = smoothed(&space, &basis, &orders, &raw, (photons as f64 / tracer.silhouette(), request.coarser), progress)?;
-        Ok(Plain { basis, space, photons, light, lit })
+        let mut plain = Plain { basis, space, orders, photons, light, lit };
+        plain.look_behind(media, surfaces);
+        Ok(plain)
+    }
+
+    /// Adds what arrives from behind through similar media.
+    fn look_behind(&mut self, media: &Media, surfaces: &TriMesh) {
+        let (Some(similar), Basis::View { eye, .. }) = (self.orders.similar(), &self.basis) else { return };
+        let stride = self.numbers();
+        let sent = |voxel: usize, g: f64| self.toward(&self.light[voxel * stride..][..stride], g, Through::Similar);
+        let found = behind(&self.space, (media, similar), surfaces, *eye, sent);
+        self.light.par_chunks_exact_mut(stride).zip(found).for_each(|(light, found)| light[stride - 1] = found);
+    }
+
+    /// The media through which some of its light is seen.
+    pub(super) fn similar(&self) -> Option<&SimilarMedia> {
+        self.orders.similar()
     }
 
     /// Paths that have been followed.
@@ -72,7 +92,7 @@ impl Plain {
 
     /// Numbers of a place: those of the basis, and of harmonics the first four of each class that is kept apart.
     pub(super) fn numbers(&self) -> usize {
-        stride(&self.basis)
+        stride(&self.basis, &self.orders)
     }
 
     /// Adds the light at `p`, per unit of optical depth and of albedo, to each of the numbers; `false` where there is none near.
@@ -91,18 +111,30 @@ impl Plain {
         true
     }
 
-    /// Of the numbers of a place, what scattering with mean cosine `g` sends toward the camera of a basis that has one.
-    pub(super) fn toward(&self, numbers: &[f32], g: f64) -> f32 {
+    /// Of the numbers of a place, what scattering with mean cosine `g` sends toward the camera of a basis that has one, as far as it is seen
+    /// through such media.
+    pub(super) fn toward(&self, numbers: &[f32], g: f64, through: Through) -> f32 {
         match &self.basis {
-            Basis::View { cosines, .. } => numbers[cosines.iter().position(|&c| c == g).unwrap_or(0)],
+            Basis::View { cosines, .. } => {
+                let number = cosines.iter().position(|&c| c == g).unwrap_or(0);
+                numbers[number + if through == Through::Similar { cosines.len() } else { 0 }]
+            }
             Basis::Around { .. } => 0.0,
         }
+    }
+
+    /// Of the numbers of a place, what arrives there from behind through similar media, on its way to the camera.
+    pub(super) fn behind(&self, numbers: &[f32]) -> f32 {
+        if self.similar().is_some() { numbers[self.numbers() - 1] } else { 0.0 }
     }
 }
 
 /// How many numbers a voxel keeps.
-fn stride(basis: &Basis) -> usize {
-    basis.len() + if apart(basis) { LOW * APART } else { 0 }
+fn stride(basis: &Basis, orders: &Orders) -> usize {
+    match (basis, orders.similar()) {
+        (Basis::View { .. }, Some(_)) => 2 * basis.len() + 1,
+        _ => basis.len() + if apart(basis) { LOW * APART } else { 0 },
+    }
 }
 
 /// Whether classes are kept apart.
@@ -121,7 +153,7 @@ fn smoothed(
     progress: &dyn Progress,
 ) -> Result<(Vec<f32>, Vec<bool>)> {
     let Space { frame, fill, usual, .. } = space;
-    let (numbers, stride, apart) = (basis.len(), stride(basis), apart(basis));
+    let (numbers, stride, apart) = (basis.len(), stride(basis, orders), apart(basis));
     let mut light = vec![0.0f32; frame.voxels() * stride];
     let mut lit = vec![true; frame.voxels()];
     let needed = needed(frame, fill);
@@ -131,11 +163,13 @@ fn smoothed(
         progress.at(class as u64);
         let fit = Fit::new(frame, fill, &needed, coarser * orders.kernel(class, crowd / usual.powi(2), *usual) / f64::from(frame.step));
         lit.iter_mut().enumerate().for_each(|(voxel, lit)| *lit &= fit.holds(voxel));
+        let similar = matches!(basis, Basis::View { .. }) && orders.through(class) == Through::Similar;
+        let place = if similar { numbers } else { 0 };
         // Of each voxel `width` numbers, of which `lanes` are the basis's from `first` on.
         let mut add = |(first, lanes): (usize, usize), smooth: &[f32], width: usize| {
             light.par_chunks_exact_mut(stride).zip(smooth.par_chunks_exact(width)).for_each(|(light, smooth)| {
                 for (number, &value) in (first..first + lanes).zip(smooth) {
-                    light[number] += value;
+                    light[place + number] += value;
                     if apart && class < APART && number < LOW {
                         light[numbers + LOW * class + number] = value;
                     }

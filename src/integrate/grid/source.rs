@@ -3,7 +3,9 @@
 use super::basis::{Basis, HARMONICS};
 use super::field::Request;
 use super::lobes::{LOBES, Sunlight};
-use super::orders::Orders;
+use super::aspect::Aspect;
+use super::orders::{Orders, Through};
+use super::space::mean_extinction;
 use super::plain::{APART, NARROWER, Plain};
 use crate::error::Result;
 use crate::geom::Ray;
@@ -153,19 +155,23 @@ impl SourceFunction {
             let irradiance = part.sun.grey_irradiance();
             let shines = irradiance > 0.0;
             let sunward = part.sun.direction.normalize().as_vec3();
-            let basis = match kept {
-                Kept::Toward(eye) => Basis::view(&part, (eye - origin).as_vec3(), None),
-                Kept::Around { degree } => Basis::Around { degree },
+            let share = settings.photons / count as u64;
+            let (basis, orders) = match kept {
+                Kept::Toward(eye) => {
+                    let eye = (eye - origin).as_vec3();
+                    let crowd = share as f64 / (photons.silhouette() * mean_extinction(&part.regions).powi(2));
+                    let orders = Orders::similarly(&part, origin, crowd, &Aspect::of(&part, eye));
+                    (Basis::view(&part, eye, orders.part()), orders)
+                }
+                Kept::Around { degree } => (Basis::Around { degree }, Orders::own()),
             };
             let peaked = matches!(basis, Basis::Around { degree: 1.. }) && shines && mean_cosine > PEAKED;
             let lobe = if peaked { mean_cosine.powi(2) } else { 0.0 };
             let mut followed = Followed { tracer, photons, field: None, irradiance, sunward, lobe };
             if !part.regions.is_empty() && followed.photons.strongest() > 0.0 {
                 let media = &followed.tracer.bands[0].media;
-                let share = settings.photons / count as u64;
                 let voxels = Plain::room(&basis, settings.memory).min(share.max(super::LEAST_VOXELS)) as usize;
                 let seen = |_| true;
-                let orders = Orders::own();
                 let request = Request {
                     scene: &part,
                     media,
@@ -178,7 +184,7 @@ impl SourceFunction {
                     voxels,
                     coarser: if matches!(kept, Kept::Toward(_)) { 1.0 } else { NARROWER },
                 };
-                followed.field = Some(Plain::new(request, &followed.photons, share, progress)?);
+                followed.field = Some(Plain::new(request, (&followed.photons, &followed.tracer.surfaces), share, progress)?);
             }
             let light = match (count, number) {
                 (1, _) => Light::All,
@@ -239,10 +245,14 @@ impl SourceFunction {
         }
         // Of each region there: its share of the extinction, and its albedo and mean cosine.
         let mut here: SmallVec<[(f64, f64, f64); 4]> = SmallVec::new();
+        // What of the extinction similar media have, and what of that scatters.
+        let mut seen: SmallVec<[(f64, f64); 4]> = SmallVec::new();
+        let similar = followed.field.as_ref().and_then(Plain::similar);
         let mut whole = 0.0;
         band.media.regions_at(inside, |region, sigma_t| {
             let optics = band.media.optics(region);
             here.push((sigma_t, optics.albedo, optics.g));
+            seen.extend(similar.map(|similar| (similar.ratio(region), similar.media.optics(region).albedo)));
             whole += sigma_t;
         });
         if whole <= 0.0 {
@@ -261,10 +271,13 @@ impl SourceFunction {
                 let outward = ((eye - self.origin).as_vec3() - p).normalize_or_zero();
                 let turn = one_minus_cos(followed.sunward, outward);
                 let mut sum = 0.0;
-                for &(share, albedo, g) in &here {
+                for (number, &(share, albedo, g)) in here.iter().enumerate() {
                     sum += share * albedo * clear * followed.irradiance * henyey_greenstein(g, turn);
-                    if let Some(field) = followed.field.as_ref().filter(|_| found) {
-                        sum += share * albedo * f64::from(field.toward(&light, g));
+                    let Some(field) = followed.field.as_ref().filter(|_| found) else { continue };
+                    sum += share * albedo * f64::from(field.toward(&light, g, Through::Own));
+                    if let Some(&(ratio, albedo)) = seen.get(number) {
+                        let sent = albedo * f64::from(field.toward(&light, g, Through::Similar));
+                        sum += share * (ratio * sent + (1.0 - ratio) * f64::from(field.behind(&light)));
                     }
                 }
                 into[0] = (sum / scale) as f32;

@@ -38,8 +38,7 @@ impl Space {
         // No more bricks than memory holds even before it is known which are seen.
         let volume: f64 = regions.iter().map(|r| room(&r.shape)).sum::<f64>().min(bounds.size().element_product());
         let least = (volume / (8.0 * request.voxels as f64)).cbrt();
-        let (sum, mass) = regions.iter().map(dense).fold((0.0, 0.0), |s, d| (s.0 + d.0 * d.1, s.1 + d.1));
-        let mut step = size(if mass > 0.0 { sum / mass } else { 0.0 }).max(least);
+        let mut step = size(mean_extinction(regions)).max(least);
         let smallest = regions.iter().map(|r| detail(&r.shape)).fold(f64::INFINITY, f64::min);
         let mut refined = false;
         loop {
@@ -78,6 +77,12 @@ fn room(shape: &Shape) -> f64 {
         Shape::Grid(grid) => grid.bricks.world_from_index.matrix3.determinant().abs() * (grid.bricks.origins.len() * BRICK_VOXELS) as f64,
         _ => shape.bounds().size().element_product(),
     }
+}
+
+/// The mean extinction that light meets, 1/m, as if regions met no others.
+pub(super) fn mean_extinction(regions: &[Region]) -> f64 {
+    let (sum, mass) = regions.iter().map(dense).fold((0.0, 0.0), |s, d| (s.0 + d.0 * d.1, s.1 + d.1));
+    if mass > 0.0 { sum / mass } else { 0.0 }
 }
 
 /// The mean extinction that light meets in a region, 1/m, and its optical mass, m^2.

@@ -4,6 +4,7 @@
 
 mod against;
 mod air;
+mod behind;
 mod cast;
 mod fit;
 mod sky;
