@@ -63,8 +63,10 @@ const HAZY: f64 = 5.0;
 /// What a number of a voxel takes while light is gathered and smoothed, bytes, colours included; and what it takes afterwards.
 const BYTES: u64 = 1160;
 const KEPT: u64 = 82;
-/// Voxels are at most so many a pixel; and so many may always be.
+/// Voxels are at most so many a pixel, but in small pictures, where they would be wider than free paths: then at most so many, if there are as many
+/// photons. And so many may always be.
 const VOXELS_A_PIXEL: u64 = 16;
+const FINE_VOXELS: u64 = 120_000;
 const LEAST_VOXELS: u64 = 30_000;
 /// Light for surfaces: so many times wider voxels, so many times fewer photons; its photons' items begin here.
 const COARSER: f64 = 2.0;
@@ -129,7 +131,7 @@ impl GridTracer {
                 let media = &tracer.bands[0].media;
                 let field =
                     |(basis, orders): (Basis, Orders), seen: &(dyn Fn(Box3) -> bool + Sync), first: u64, coarser: f64, fewer: u64| {
-                        let worth = told.min(shown).max(LEAST_VOXELS) / fewer;
+                        let worth = told.min(shown.max(FINE_VOXELS)).max(LEAST_VOXELS) / fewer;
                         let voxels = (held / basis.len() as u64).min(worth) as usize;
                         let (scene, origin, seed) = (&*part, tracer.origin, settings.seed);
                         Field::new(Request { scene, media, basis, orders, origin, seen, first, seed, voxels, coarser })
@@ -145,9 +147,9 @@ impl GridTracer {
                         through.as_ref().map_or_else(|| sees(&lens, (media, HIDDEN), brick), |media| sees(&lens, (media, HAZY), brick))
                     };
                     view = Some(field((basis, orders), &seen, 0, if aspect.within { FINER } else { 1.0 }, 1));
-                    around = tracer.lights.then(|| field((ALL, Orders::afar()), &|_| true, FIRST, COARSER, FEWER));
+                    around = tracer.lights.then(|| field((ALL, Orders::afar(&part)), &|_| true, FIRST, COARSER, FEWER));
                 } else {
-                    view = Some(field((ALL, Orders::own()), &|_| true, 0, 1.0, 1));
+                    view = Some(field((ALL, Orders::own(&part)), &|_| true, 0, 1.0, 1));
                 }
             }
             let glow = || Glow::new(&tracer, lens, [settings.width, settings.height], told, settings.seed);

@@ -21,6 +21,7 @@ const FALLS: [(f64, f64); 2] = [(0.5, 1.0), (0.3, 1.2)];
 /// The most photons, the fewest, and the most voxels a photon, a pixel and a byte: as the grid integrator has it.
 const PHOTONS: (f64, f64) = (8192.0, u32::MAX as f64);
 const VOXELS: (f64, f64, f64) = (30_000.0, 16.0, 900.0);
+const FINE_VOXELS: f64 = 120_000.0;
 
 /// What a photon and a voxel cost, samples of a pixel being 1: as measured on cumulus clouds of optical depth 60.
 const WORK: (f64, f64) = (4.0, 3.0);
@@ -106,7 +107,7 @@ impl Forecast {
         shot.squares[0] /= more.powf(FINER);
         // Far fewer than were asked for are enough for all there is to see.
         let enough = shot.voxels > 0.0 && shot.voxels < ENOUGH * shot.voxels_for;
-        let most_voxels = if enough { shot.voxels } else { (VOXELS.1 * pixels).min(settings.photon.memory as f64 / VOXELS.2) };
+        let most_voxels = if enough { shot.voxels } else { (VOXELS.1 * pixels).max(FINE_VOXELS).min(settings.photon.memory as f64 / VOXELS.2) };
         // What voxels take of the photons' seconds is not much: the rest goes by photons.
         let whole = shot.seconds[1].max(0.0);
         let a_photon = (whole - KEEPING * shot.seconds[2]).max(0.5 * whole) / shot.photons;
