@@ -23,6 +23,7 @@ LINES = [
     ("anisotropy", CUMULUS, [*NEAR, "--sun", "0.6,1,-0.5"]),
     ("sky", CUMULUS, [*NEAR, "--sky", "clear"]),
     ("cloud_shadow", CUMULUS, ["--camera", "-900,-1500,900", "--look-at", "0,0,200", "--fov", "56"]),
+    ("cloud_light", CUMULUS, ["--camera", "-300,-900,150", "--look-at", "0,0,60", "--fov", "60", "--sun", "0.1,0.1,-1"]),
     ("surface_bounce", CUMULUS, ["--camera", "-700,-1300,120", "--look-at", "0,0,380", "--fov", "46", "--sun", "0.1,0.1,-1"]),
     ("sun_disc", CUMULUS, ["--camera", "0,-900,2600", "--look-at", "0,100,0", "--fov", "40", "--sun-angle", "0.5"]),
     ("air", BEAMS, []),

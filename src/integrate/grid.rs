@@ -65,7 +65,7 @@ const BYTES: u64 = 1160;
 const KEPT: u64 = 82;
 /// Voxels are at most so many a pixel, but in small pictures, where they would be wider than free paths: then at most so many, if there are as many
 /// photons. And so many may always be.
-const VOXELS_A_PIXEL: u64 = 16;
+const VOXELS_A_PIXEL: u64 = 48;
 const FINE_VOXELS: u64 = 120_000;
 const LEAST_VOXELS: u64 = 30_000;
 /// Light for surfaces: so many times wider voxels, so many times fewer photons; its photons' items begin here.

@@ -20,7 +20,7 @@ const FALL_IN_AIR: f64 = 0.6;
 const FALLS: [(f64, f64); 2] = [(0.5, 1.0), (0.3, 1.2)];
 /// The most photons, the fewest, and the most voxels a photon, a pixel and a byte: as the grid integrator has it.
 const PHOTONS: (f64, f64) = (8192.0, u32::MAX as f64);
-const VOXELS: (f64, f64, f64) = (30_000.0, 16.0, 900.0);
+const VOXELS: (f64, f64, f64) = (30_000.0, 48.0, 900.0);
 const FINE_VOXELS: f64 = 120_000.0;
 
 /// What a photon and a voxel cost, samples of a pixel being 1: as measured on cumulus clouds of optical depth 60.
