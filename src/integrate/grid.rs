@@ -123,7 +123,12 @@ impl GridTracer {
             let lens = Lens::new(camera, settings.width, settings.height, tracer.origin);
             let photons = Tracer::new(&part, plan, Model::Physical).of_second_pass().in_colour(&part);
             let toward = settings.photon.directional == Directional::View;
-            let photons = if toward { photons.seen_from(&part, tracer.origin, lens.position(), |centre, radius| lens.frames(centre, radius)) } else { photons }.through(&part.air);
+            let photons = if toward {
+                photons.seen_from(&part, tracer.origin, lens.position(), |centre, radius| lens.frames(centre, radius))
+            } else {
+                photons
+            }
+            .through(&part.air);
             let (mut view, mut around) = (None, None);
             // Sunlight that scattered once is looked at: photons are for the rest.
             let once = plan.orders == Some(1) && !sends(&part, plan);

@@ -48,7 +48,9 @@ impl Eye {
             boxes = vec![boxes.iter().fold(boxes[0], |all, b| Box3 { min: all.min.min(b.min), max: all.max.max(b.max) })];
         }
         while boxes.len() < BALLS {
-            let Some((widest, _)) = boxes.iter().map(wide).enumerate().filter(|b| b.1 > NEAR).max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+            let Some((widest, _)) = boxes.iter().map(wide).enumerate().filter(|b| b.1 > NEAR).max_by(|a, b| a.1.total_cmp(&b.1)) else {
+                break;
+            };
             let Box3 { min, max } = boxes.swap_remove(widest);
             let axis = Vec3::AXES[(max - min).max_position()];
             let middle = (0.5 * (min + max)) * axis;
@@ -59,7 +61,13 @@ impl Eye {
             let (centre, radius) = (0.5 * (b.min + b.max), 0.5 * (b.max - b.min).length());
             let (axis, distance) = ((eye - centre).try_normalize()?, (eye - centre).length());
             // From close by the ways of its parts differ.
-            Some(Ball { centre, radius, axis, g: g * f64::from(distance / (distance + radius)), chance: f64::from(wide(b)).min(1.0).powi(2) })
+            Some(Ball {
+                centre,
+                radius,
+                axis,
+                g: g * f64::from(distance / (distance + radius)),
+                chance: f64::from(wide(b)).min(1.0).powi(2),
+            })
         };
         let mut balls: Vec<Ball> = boxes.iter().filter_map(ball).filter(|ball| ball.g > PEAKED && ball.radius > 0.0).collect();
         let whole: f64 = balls.iter().map(|ball| ball.chance).sum();

@@ -48,7 +48,8 @@ pub(super) fn behind(
         let p = centre(voxel);
         let Some(direction) = (p - eye).try_normalize() else { return 0.0 };
         let ray = Ray { origin: p, direction };
-        let reach = if surfaces.is_empty() { f32::INFINITY } else { surfaces.nearest(&ray, f32::INFINITY).map_or(f32::INFINITY, |hit| hit.t) };
+        let reach =
+            if surfaces.is_empty() { f32::INFINITY } else { surfaces.nearest(&ray, f32::INFINITY).map_or(f32::INFINITY, |hit| hit.t) };
         let reach = frame.leaves(&ray).min(reach);
         let (mut light, mut clear, mut at) = (0.0f32, 1.0f32, 0.0f32);
         while at < reach && clear > OPAQUE {

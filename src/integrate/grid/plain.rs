@@ -2,10 +2,10 @@
 //! times the voxels, and the numbers of a voxel are smoothed together.
 
 use super::basis::Basis;
+use super::behind::behind;
 use super::deposit::Deposits;
 use super::field::Request;
 use super::fit::{Fit, needed};
-use super::behind::behind;
 use super::orders::{Orders, Through};
 use super::space::Space;
 use crate::error::Result;

@@ -1,12 +1,12 @@
 //! The source function: what the medium at a point sends out, per unit of optical depth. It is what a bake keeps.
 
+use super::aspect::Aspect;
 use super::basis::{Basis, HARMONICS};
 use super::field::Request;
 use super::lobes::{LOBES, Sunlight};
-use super::aspect::Aspect;
 use super::orders::{Orders, Through};
-use super::space::mean_extinction;
 use super::plain::{APART, NARROWER, Plain};
+use super::space::mean_extinction;
 use crate::error::Result;
 use crate::geom::Ray;
 use crate::integrate::path::PathTracer;

@@ -107,7 +107,8 @@ impl Forecast {
         shot.squares[0] /= more.powf(FINER);
         // Far fewer than were asked for are enough for all there is to see.
         let enough = shot.voxels > 0.0 && shot.voxels < ENOUGH * shot.voxels_for;
-        let most_voxels = if enough { shot.voxels } else { (VOXELS.1 * pixels).max(FINE_VOXELS).min(settings.photon.memory as f64 / VOXELS.2) };
+        let most_voxels =
+            if enough { shot.voxels } else { (VOXELS.1 * pixels).max(FINE_VOXELS).min(settings.photon.memory as f64 / VOXELS.2) };
         // What voxels take of the photons' seconds is not much: the rest goes by photons.
         let whole = shot.seconds[1].max(0.0);
         let a_photon = (whole - KEEPING * shot.seconds[2]).max(0.5 * whole) / shot.photons;
