@@ -63,11 +63,11 @@ const HAZY: f64 = 5.0;
 /// What a number of a voxel takes while light is gathered and smoothed, bytes, colours included; and what it takes afterwards.
 const BYTES: u64 = 1160;
 const KEPT: u64 = 82;
-/// Voxels are at most so many a pixel, and in small pictures, where they would be wider than free paths, so many.
+/// Voxels are at most so many a pixel, but in small pictures, where they would be wider than free paths: then at most so many, if there are as many
+/// photons. And so many may always be.
 const VOXELS_A_PIXEL: u64 = 48;
 const FINE_VOXELS: u64 = 120_000;
-/// However few the photons, so many may always be.
-pub const LEAST_VOXELS: u64 = 30_000;
+const LEAST_VOXELS: u64 = 30_000;
 /// Light for surfaces: so many times wider voxels, so many times fewer photons; its photons' items begin here.
 const COARSER: f64 = 2.0;
 /// Voxels are so many times as wide as usual where the camera is among them.
@@ -117,7 +117,7 @@ impl GridTracer {
         let held = settings.photon.memory / (BYTES + (fields - 1) * KEPT);
         // What photons are too few for, or pixels too wide, is not worth its time.
         let told = photons / parts.len() as u64;
-        let shown = most_voxels(u64::from(settings.width) * u64::from(settings.height));
+        let shown = VOXELS_A_PIXEL * u64::from(settings.width) * u64::from(settings.height);
         let channel = |(part, mask): (Cow<Scene>, Vec3)| {
             let tracer = PathTracer::new(&part, plan);
             let lens = Lens::new(camera, settings.width, settings.height, tracer.origin);
@@ -136,7 +136,7 @@ impl GridTracer {
                 let media = &tracer.bands[0].media;
                 let field =
                     |(basis, orders): (Basis, Orders), seen: &(dyn Fn(Box3) -> bool + Sync), first: u64, coarser: f64, fewer: u64| {
-                        let worth = told.min(shown).max(LEAST_VOXELS) / fewer;
+                        let worth = told.min(shown.max(FINE_VOXELS)).max(LEAST_VOXELS) / fewer;
                         let voxels = (held / basis.len() as u64).min(worth) as usize;
                         let (scene, origin, seed) = (&*part, tracer.origin, settings.seed);
                         Field::new(Request { scene, media, basis, orders, origin, seen, first, seed, voxels, coarser })
@@ -152,9 +152,9 @@ impl GridTracer {
                         through.as_ref().map_or_else(|| sees(&lens, (media, HIDDEN), brick), |media| sees(&lens, (media, HAZY), brick))
                     };
                     view = Some(field((basis, orders), &seen, 0, if aspect.within { FINER } else { 1.0 }, 1));
-                    around = tracer.lights.then(|| field((ALL, Orders::afar()), &|_| true, FIRST, COARSER, FEWER));
+                    around = tracer.lights.then(|| field((ALL, Orders::afar(&part)), &|_| true, FIRST, COARSER, FEWER));
                 } else {
-                    view = Some(field((ALL, Orders::own()), &|_| true, 0, 1.0, 1));
+                    view = Some(field((ALL, Orders::own(&part)), &|_| true, 0, 1.0, 1));
                 }
             }
             let glow = || Glow::new(&tracer, lens, [settings.width, settings.height], told, settings.seed);
@@ -198,11 +198,6 @@ impl GridTracer {
         let fields = || self.channels.iter().flat_map(|channel| [&channel.view, &channel.around]).flatten();
         Lighting { emitted: fields().map(Field::photons).sum(), voxels: fields().map(Field::voxels).sum(), ..Lighting::default() }
     }
-}
-
-/// The most voxels of a picture of so many pixels.
-pub fn most_voxels(pixels: u64) -> u64 {
-    (VOXELS_A_PIXEL * pixels).max(FINE_VOXELS)
 }
 
 /// What of a scene is followed together, and which channels that is: the scene as it is where its regions' extinction is grey; else three

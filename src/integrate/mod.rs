@@ -25,7 +25,6 @@ use crate::scene::{Camera, Scene};
 pub use emission::{Emitted, render_emission};
 use glam::DVec3;
 pub use grid::{Kept, Light, Part, SourceFunction, SourceSettings, harmonics, of_flow};
-pub(crate) use grid::{LEAST_VOXELS, most_voxels};
 use lens::Lens;
 use photon::{Lighting, PhotonSettings};
 pub use ready::Ready;

@@ -6,9 +6,9 @@
 //! the paths that are followed backward stand for what it would become.
 
 use super::emit::Start;
-use super::eye::{Eye, across, disc};
+use super::eye::{Eye, across};
 use super::trace::Tracer;
-use crate::geom::Ray;
+use crate::geom::{Ray, basis};
 use crate::media::air::Layer;
 use crate::media::air::Spectrum;
 use crate::media::{Flight, Scratch};
@@ -17,7 +17,7 @@ use crate::sampling::{around, cosine_hemisphere, uniform_disc, uniform_sphere};
 use crate::scene::medium::luminance;
 use crate::scene::phase::{henyey_greenstein, one_minus_cos, sample_henyey_greenstein};
 use glam::{DVec3, Vec3};
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
 /// How many photons are looked at to learn their power.
 const PILOT: u32 = 1024;
@@ -76,7 +76,8 @@ impl AirLight {
                 let (cos, sin) = sample_henyey_greenstein(AUREOLE, rng.uniform());
                 around(axis, cos as f32, sin as f32, rng.uniform_f32())
             };
-            (direction, disc(direction, self.radius, rng))
+            let ((u, v), (sin, cos), rho) = (basis(direction), (TAU * rng.uniform()).sin_cos(), radius * rng.uniform().sqrt());
+            (direction, u * (rho * cos) as f32 + v * (rho * sin) as f32)
         };
         let density = |direction: Vec3, _| {
             let of_directions = 0.5 / (4.0 * PI) + 0.5 * henyey_greenstein(AUREOLE, one_minus_cos(axis, direction));

@@ -85,7 +85,8 @@ impl Eye {
         let Ball { centre, radius, axis, g, .. } = *picked.unwrap_or(&self.balls[0]);
         let (cos, sin) = sample_henyey_greenstein(g, rng.uniform());
         let direction = around(axis, cos as f32, sin as f32, rng.uniform_f32());
-        (direction, centre + disc(direction, radius, rng))
+        let ((u, v), rho, (sin, cos)) = (basis(direction), radius * rng.uniform_f32().sqrt(), (TAU * rng.uniform()).sin_cos());
+        (direction, centre + (u * cos as f32 + v * sin as f32) * rho)
     }
 
     /// The density of such lines, 1/(m^2 sr).
@@ -112,13 +113,6 @@ impl Eye {
         let pdf = pdf(direction, point);
         (direction, point, eye.map_or(pdf, |eye| SHARE * eye.density(direction, point) + (1.0 - SHARE) * pdf))
     }
-}
-
-/// A point of a disc across a direction, around the origin.
-pub(super) fn disc(direction: Vec3, radius: f32, rng: &mut Rng) -> Vec3 {
-    let ((u, v), (sin, cos)) = (basis(direction), (TAU * rng.uniform()).sin_cos());
-    let rho = f64::from(radius) * rng.uniform().sqrt();
-    u * (rho * cos) as f32 + v * (rho * sin) as f32
 }
 
 /// The point of a line along `direction` that is nearest to the origin.

@@ -1,14 +1,14 @@
 //! Photons of the sky: from all directions as its light comes, aimed at the regions and at what surfaces may send toward them.
 
 use super::emit::{Start, aside, aside_density, reach};
-use super::eye::{Eye, across, disc};
+use super::eye::{Eye, across};
 use crate::geom::{Ray, basis};
 use crate::rng::Rng;
 use crate::sampling::uniform_sphere;
 use crate::scene::medium::luminance;
 use crate::scene::{Dome, Scene};
-use glam::{DVec3, Vec3};
-use std::f64::consts::PI;
+use glam::{DVec3, Vec2, Vec3};
+use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 /// The sky, compiled.
@@ -59,10 +59,14 @@ impl Sky {
                 Some(dome) => -dome.sample(rng.uniform_f32(), rng.uniform_f32()).0,
                 None => uniform_sphere(rng),
             };
-            if !self.beside {
-                return (direction, disc(direction, self.radius, rng));
-            }
-            let (p, (u, v)) = (aside(self.radius, rng), basis(direction));
+            let p = if self.beside {
+                aside(self.radius, rng)
+            } else {
+                let (sin, cos) = (TAU * rng.uniform()).sin_cos();
+                let rho = f64::from(self.radius) * rng.uniform().sqrt();
+                Vec2::new((rho * cos) as f32, (rho * sin) as f32)
+            };
+            let (u, v) = basis(direction);
             (direction, u * p.x + v * p.y)
         };
         let density = |direction: Vec3, point: Vec3| {

@@ -2,7 +2,7 @@
 
 use super::aspect::{Aspect, FEWEST};
 use crate::photon::SimilarMedia;
-use crate::scene::Scene;
+use crate::scene::{Region, Scene};
 use glam::DVec3;
 
 /// The last order of each class of light, and the usual standard deviation of its kernel in mean free paths.
@@ -29,6 +29,9 @@ const WIDEST: f64 = 3.5;
 /// No kernel is narrower for the sake of a peak than so many mean free paths.
 const NARROW: f64 = 0.1;
 
+/// No kernel is wider than this part of the distance over which light that is absorbed on its way falls to 1/e (the diffusion length).
+const FADING: f64 = 0.5;
+
 /// Through which media light is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Through {
@@ -46,24 +49,28 @@ pub(super) struct Orders {
     classes: Vec<(u64, f64)>,
     /// The widest kernel of light that keeps a peak, m.
     sharp: f64,
+    /// The widest kernel for light that is absorbed on its way, in mean free paths.
+    fading: f64,
 }
 
 impl Orders {
     /// All of them in the scene's own media.
-    pub fn own() -> Self {
-        Orders { similar: None, own: u64::MAX, classes: ALL.to_vec(), sharp: f64::INFINITY }
+    pub fn own(scene: &Scene) -> Self {
+        let length = |r: &Region| 1.0 / (3.0 * (1.0 - r.medium.albedo()) * (1.0 - r.medium.albedo() * r.medium.g)).sqrt();
+        let fading = FADING * scene.regions.iter().map(length).fold(f64::INFINITY, f64::min);
+        Orders { similar: None, own: u64::MAX, classes: ALL.to_vec(), sharp: f64::INFINITY, fading }
     }
 
     /// The same for light that is not looked at but lights surfaces and air.
-    pub fn afar() -> Self {
-        Orders { classes: AFAR.to_vec(), ..Orders::own() }
+    pub fn afar(scene: &Scene) -> Self {
+        Orders { classes: AFAR.to_vec(), ..Orders::own(scene) }
     }
 
     /// After so many scatterings in similar media, where the scene has peaked phase functions: the nearer to its own, the more photons start over
     /// each square mean free path (`crowd`).
     pub fn similarly(scene: &Scene, origin: DVec3, crowd: f64, aspect: &Aspect) -> Self {
         let part = (FAR * (FEW / crowd).powf(NEARER)).min(FARTHEST);
-        let Some(similar) = SimilarMedia::of(scene, part, origin) else { return Orders { sharp: aspect.sharp, ..Orders::own() } };
+        let Some(similar) = SimilarMedia::of(scene, part, origin) else { return Orders { sharp: aspect.sharp, ..Orders::own(scene) } };
         let own = aspect.own;
         let mut classes = SIMILAR.to_vec();
         if own > FEWEST {
@@ -73,7 +80,7 @@ impl Orders {
             classes.dedup_by_key(|class| class.0);
             classes.push(SIMILAR[2]);
         }
-        Orders { similar: Some((similar, part)), own, classes, sharp: aspect.sharp }
+        Orders { similar: Some((similar, part)), own, classes, sharp: aspect.sharp, ..Orders::own(scene) }
     }
 
     /// How far the similar media are from the scene's.
@@ -99,7 +106,8 @@ impl Orders {
         let through = self.through(class);
         let (fine, power, sparse) = if through == Through::Similar { (100.0, 1.0 / 8.0, SPARSE) } else { (200.0, 1.0 / 11.0, 0.0) };
         let faster = (sparse / crowd).max(1.0).powf(FASTER);
-        let wide = self.classes[class].1 * ((fine / crowd).powf(power).clamp(0.4, 2.0) * faster).min(WIDEST) / usual;
+        let free_paths = self.classes[class].1 * ((fine / crowd).powf(power).clamp(0.4, 2.0) * faster).min(WIDEST);
+        let wide = free_paths.min(self.fading) / usual;
         let before = if class == 0 { 1 } else { self.classes[class - 1].0 };
         wide.min((self.sharp * (before as f64).sqrt()).max(NARROW / usual))
     }

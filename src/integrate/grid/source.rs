@@ -163,7 +163,7 @@ impl SourceFunction {
                     let orders = Orders::similarly(&part, origin, crowd, &Aspect::of(&part, eye));
                     (Basis::view(&part, eye, orders.part()), orders)
                 }
-                Kept::Around { degree } => (Basis::Around { degree }, Orders::own()),
+                Kept::Around { degree } => (Basis::Around { degree }, Orders::own(&part)),
             };
             let peaked = matches!(basis, Basis::Around { degree: 1.. }) && shines && mean_cosine > PEAKED;
             let lobe = if peaked { mean_cosine.powi(2) } else { 0.0 };

@@ -8,7 +8,7 @@
 
 use crate::export::report::{Level, Stage};
 use crate::film::Film;
-use crate::integrate::{Integrator, LEAST_VOXELS, RenderSettings, Rendering, most_voxels};
+use crate::integrate::{Integrator, RenderSettings, Rendering};
 
 /// Of the variance of photons, and of the square of what smoothing may be off, by powers of 1 / photons: where one picture is all there is.
 /// Kernels become narrower and similar media nearer to the scene's as photons get more, so that both fall more slowly than as one over
@@ -18,9 +18,10 @@ const FALL: [f64; 2] = [0.65, 0.4];
 const FALL_IN_AIR: f64 = 0.6;
 /// What two pictures may tell of that: their noise is in it too.
 const FALLS: [(f64, f64); 2] = [(0.5, 1.0), (0.3, 1.2)];
-/// The fewest photons and the most; and what a voxel takes, bytes.
+/// The most photons, the fewest, and the most voxels a photon, a pixel and a byte: as the grid integrator has it.
 const PHOTONS: (f64, f64) = (8192.0, u32::MAX as f64);
-const A_VOXEL: f64 = 900.0;
+const VOXELS: (f64, f64, f64) = (30_000.0, 48.0, 900.0);
+const FINE_VOXELS: f64 = 120_000.0;
 
 /// What a photon and a voxel cost, samples of a pixel being 1: as measured on cumulus clouds of optical depth 60.
 const WORK: (f64, f64) = (4.0, 3.0);
@@ -107,7 +108,7 @@ impl Forecast {
         // Far fewer than were asked for are enough for all there is to see.
         let enough = shot.voxels > 0.0 && shot.voxels < ENOUGH * shot.voxels_for;
         let most_voxels =
-            if enough { shot.voxels } else { (most_voxels(pixels as u64) as f64).min(settings.photon.memory as f64 / A_VOXEL) };
+            if enough { shot.voxels } else { (VOXELS.1 * pixels).max(FINE_VOXELS).min(settings.photon.memory as f64 / VOXELS.2) };
         // What voxels take of the photons' seconds is not much: the rest goes by photons.
         let whole = shot.seconds[1].max(0.0);
         let a_photon = (whole - KEEPING * shot.seconds[2]).max(0.5 * whole) / shot.photons;
@@ -226,7 +227,7 @@ impl Forecast {
 
     /// Voxels of a picture by so many photons.
     fn voxels(&self, photons: f64) -> f64 {
-        photons.max(LEAST_VOXELS as f64).min(self.most_voxels)
+        photons.max(VOXELS.0).min(self.most_voxels)
     }
 }
 

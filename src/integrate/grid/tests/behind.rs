@@ -38,7 +38,7 @@ fn what_an_even_ball_sends_is_what_its_chords_say() {
             voxels: 1 << 20,
             coarser: 1.0,
         };
-        let space = Space::new(&request(Orders::own()));
+        let space = Space::new(&request(Orders::own(&scene)));
         let found = behind(&space, (media, similar), &tracer.surfaces, eye, |_, _| 1.0);
         let at = |p: Vec3| {
             let (mut light, mut whole) = (0.0, 0.0);
